@@ -8,7 +8,7 @@ import numpy as np
 
 from diagrams.challenge.draw import FILES, Case
 from np_drake.diagnosis.calibration import file_errors, flight_errors
-from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, predicted_residual
+from np_drake.diagnosis.forward_model import NEVER, Stages, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Priors, Tolerance
 from np_drake.diagnosis.regressors import (
@@ -16,11 +16,11 @@ from np_drake.diagnosis.regressors import (
     Onset,
     at_value,
     library_candidates,
-    payloads_of,
     tolerance_of,
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.selection.payload_search import payload_about, payload_of
 from np_drake.effects.base import Effect
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
@@ -89,7 +89,10 @@ class Collinearity:
 
     def _library(self, onset: Onset) -> list[Candidate]:
         plain = library_candidates(self._flights, onset or None)
-        payloads = payloads_of(self._flights, TETHERS, Priors(), onset)
+        payloads = [
+            payload_about(self._flights, payload_of(length, onset), Priors(), shaped=False)
+            for length in TETHERS.tolist()
+        ]
         winds = wind_candidates(self._flights, plain, onset)
         return [*plain, *winds, *(p.candidate(self._flights) for p in payloads)]
 
@@ -102,7 +105,7 @@ class Collinearity:
         delay = term.effect.time_shift(self._flights[0].vehicle)
         twins: list[tuple[type[Effect], dict[str, float]]] = [(ClockOffset, {"offset": -delay})]
         twins += [(CommandDelay, {"delay": delay})] if delay > 0 else []
-        stages = {e.name: StageCache() for e in self._flights}
+        stages: dict[str, Stages] = {e.name: {} for e in self._flights}
         return [
             at_value(effect, self._flights, onset, values, 1, stages)
             for effect, values in twins

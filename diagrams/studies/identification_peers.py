@@ -270,7 +270,7 @@ def compared(case: Case, *, seconds: float) -> dict[str, Any]:
     lines = []
     for name, v in adjusted.items():
         values, deviations = told[name]
-        ahead = predict(model, held, v, seconds=HORIZON).errors(held)[-1]
+        _, errors = predict(model, held, v, seconds=HORIZON)
         lines.append(
             {
                 "model": name,
@@ -279,7 +279,7 @@ def compared(case: Case, *, seconds: float) -> dict[str, Any]:
                     for n in NAMES
                 },
                 "inside": [abs(values[n] - true[n]) <= SURE * d for n, d in deviations.items()],
-                "open_loop": np.median(ahead, axis=0).tolist(),
+                "open_loop": np.median(errors[-1], axis=0).tolist(),
                 "processor_time": spent.get(name),
             }
         )

@@ -71,33 +71,44 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
         return []
 
     def stated(field: str, usual: float, *place: int) -> float:
-        known = vehicle.known_within(f"calibration.{field}", *place)
+        known = vehicle.known_within(field, *place)
         return usual if known is None else max(known, 1e-3 * usual)
 
     clock = SPREAD.rotor_speed_time if e.measured_rotors else SPREAD.command_time
     published = published_priors()
     inertia = published.rotor_inertia.median * mass * span**2
     # Of moments of inertia a gain of the torque has all but the gyroscopic torque.
-    moments = {p.name: published.inertia.deviation for p in InertiaError.parameters}
+    moments = {}
+    for i, (p, J) in enumerate(zip(InertiaError.parameters, vehicle.J.diagonal(), strict=True)):
+        moments[p.name] = stated("inertia", published.inertia.deviation * J, i, i) / J
     center = [span * SPREAD.center_of_mass] * 2 + [span * SPREAD.center_of_mass_height]
     found = [
         *(
-            Deviation(WeakRotor, {"efficiency": stated("rotor_gains", SPREAD.rotor_gain, i)}, rotor)
+            Deviation(
+                WeakRotor,
+                {"efficiency": stated("calibration.rotor_gains", SPREAD.rotor_gain, i)},
+                rotor,
+            )
             for i, rotor in enumerate({"rotor": number} for number in ROTORS)
         ),
         Deviation(
             CenterOfMassOffset,
-            {axis: stated("center_of_mass", center[i], i) for i, axis in enumerate("xyz")},
+            {
+                axis: stated("calibration.center_of_mass", center[i], i)
+                for i, axis in enumerate("xyz")
+            },
         ),
         Deviation(MixerGain, dict.fromkeys(AXES, SPREAD.torque_gain)),
         Deviation(InertiaError, moments),
         Deviation(BladeFlapping, {"moment": SPREAD.flapping * mass * span}),
         Deviation(TranslationalLift, {"lift": SPREAD.lift * mass}),
-        Deviation(RotorGyroscopic, {"rotor_inertia": stated("rotor_inertia", inertia)}),
-        Deviation(ClockOffset, {"offset": stated("clock_offset", clock)}),
+        Deviation(RotorGyroscopic, {"rotor_inertia": stated("calibration.rotor_inertia", inertia)}),
+        Deviation(ClockOffset, {"offset": stated("calibration.clock_offset", clock)}),
     ]
     if "attitude" not in e.log.lacks:
-        tilt = {axis: stated("imu_tilt", SPREAD.mounting, i) for i, axis in enumerate(AXES)}
+        tilt = {
+            axis: stated("calibration.imu_tilt", SPREAD.mounting, i) for i, axis in enumerate(AXES)
+        }
         found.append(Deviation(ImuMounting, tilt))
         found.append(Deviation(AttitudeLatency, {"latency": SPREAD.latency}))
     if e.log.a is not None:
@@ -105,7 +116,9 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
         found.append(Deviation(AccelerometerBias, offset))
     if not e.measured_rotors:
         found.append(
-            Deviation(CommandDelay, {"delay": stated("command_delay", SPREAD.command_time)})
+            Deviation(
+                CommandDelay, {"delay": stated("calibration.command_delay", SPREAD.command_time)}
+            )
         )
         lags = SPREAD.lags if "rotor_time_constant" not in vehicle.intervals else ()
         found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
+from np_drake.diagnosis.forward_model import Stages, Term, predicted_residual
 from np_drake.diagnosis.options import Tolerance
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects import (
@@ -122,7 +122,8 @@ def columns_of(
     Args:
         part: of a deviation, at which a mass effect is differenced [1].
     """
-    stages, out = StageCache(), []
+    stages: Stages = {}
+    out = []
     for d in deviations:
         parameters = {p.name: p for p in d.effect.parameters}
         for name, deviation in d.deviation.items():

@@ -74,7 +74,7 @@ from np_drake.diagnosis.result import (
     Replay,
 )
 from np_drake.diagnosis.rotor_balance import compare_balance
-from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, rank_models
+from np_drake.diagnosis.selection import Ranking, find_map_model, rank_models
 from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.files.number_text import number
@@ -115,7 +115,7 @@ class Inference:
         return tuple(s.finding for s in said if s.probability > 0.5)
 
 
-def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Inference:
+def conclude(found: Ranking, held_out: Sequence[FlightResiduals]) -> Inference:
     """Rank the models of a search, judge the best by held-out flights, and decide which of its
     effects are causes.
     """

@@ -5,7 +5,7 @@ Several starts are tried where there is a hidden swing.
 
 import dataclasses as dc
 from collections.abc import Callable, Collection, Mapping, Sequence
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 
@@ -13,14 +13,14 @@ from np_drake.diagnosis.deviation import Deviation, file_deviations
 from np_drake.diagnosis.forward_model import (
     NEVER,
     STATE,
-    StageCache,
+    Stages,
     Term,
     hidden_size,
     padded,
     predicted_residual,
     swing_wrenches,
 )
-from np_drake.diagnosis.numerics import NoiseModel, minimise, scale_only
+from np_drake.diagnosis.numerics import NoiseModel, minimise, places, scale_only
 from np_drake.diagnosis.options import SURE, Priors
 from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, WhiteNuisance
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
@@ -79,12 +79,10 @@ def free_parameters(
             continue
         for e in flights:
             if term.begins(e.name) != NEVER:
-                scales_of = [
-                    priors.swing * (1 if k % STATE < 2 else 3)
-                    for k in range(hidden_size(e, term.begins(e.name)))
-                ]
+                scales = priors.swing * np.array([1, 1, 3, 3])  # of angles, and of rates
                 found += [
-                    Free(i, "swing", s, 0.0, -4.0, 4.0, e.name, k) for k, s in enumerate(scales_of)
+                    Free(i, "swing", scales[k % STATE], 0.0, -4.0, 4.0, e.name, k)
+                    for k in range(hidden_size(e, term.begins(e.name)))
                 ]
     return found
 
@@ -133,25 +131,18 @@ def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> li
     Args:
         values: (k,) in physical units.
     """
-    moved = {f.term for f in free}
-    fields: list[dict[str, float]] = [{} for _ in terms]
-    hidden = {i: {k: np.array(v) for k, v in terms[i].hidden.items()} for i in moved}
-    for f, value in zip(free, values, strict=True):
+    written = list(terms)
+    for f, value in zip(free, values.tolist(), strict=True):
+        term = written[f.term]
         if f.flight:
-            known = padded(
-                hidden[f.term].get(f.flight),
-                max(f.entry + 1, len(hidden[f.term].get(f.flight, ()))),
-            )
-            known[f.entry] = value
-            hidden[f.term][f.flight] = known
+            before = term.hidden.get(f.flight, np.zeros(0))
+            swing = padded(before, max(f.entry + 1, len(before)))
+            swing[f.entry] = value
+            written[f.term] = dc.replace(term, hidden={**term.hidden, f.flight: swing})
         else:
-            fields[f.term][f.name] = float(value)
-    return [
-        dc.replace(t, effect=dc.replace(t.effect, **fields[i]), hidden=hidden[i])  # type: ignore[type-var]
-        if i in moved
-        else t
-        for i, t in enumerate(terms)
-    ]
+            moved = dc.replace(term.effect, **{f.name: value})  # type: ignore[type-var]
+            written[f.term] = dc.replace(term, effect=moved)
+    return written
 
 
 BLOCK = 1.0  # length of blocks within which residuals may correlate, for the robust covariance [s]
@@ -198,12 +189,6 @@ class Fit:
         coefficients.
         """
         return tuple((part.columns, part.coefficients) for part in self.linear if part.columns)
-
-    def calibration_on(self, e: FlightResiduals) -> np.ndarray:
-        """Return the channels (m, 15) that the linear calibration of the vehicle gives on any
-        flight.
-        """
-        return sum((columns(e) @ c for columns, c in self.calibrated), start=np.zeros_like(e.y))
 
     def residual(self, e: FlightResiduals) -> np.ndarray:
         """Return the residual (m, 15) of the model on a flight, with outlier rows interpolated.
@@ -265,7 +250,7 @@ def refine(
         now = write(everything, free, z[:n] * scale)
         r = np.concatenate([np.empty(rows), W @ (z[:n] - neutral / scale), z[n:]])
         for e in flights:
-            X, at = white.of(e.name)
+            X, at = white.columns[e.name]
             left = root * e.white(noise, e.y - predicted_residual(e, now)).ravel()
             r[white.rows[e.name]] = left - X @ z[n + at]
         return r
@@ -275,7 +260,7 @@ def refine(
         H, g = np.zeros((n + k, n + k)), np.concatenate([W.T @ r[rows : rows + n], r[rows + n :]])
         H[:n, :n], H[n:, n:] = W.T @ W, white.gram
         for e in flights:
-            (X, at), own = white.of(e.name), r[white.rows[e.name]]
+            (X, at), own = white.columns[e.name], r[white.rows[e.name]]
             J = root * e.white(noise, scaled_jacobian(now, free, e)).reshape(len(own), n)
             derivatives[e.name] = J
             H[:n, :n] += J.T @ J
@@ -302,7 +287,7 @@ def refine(
     block = max(1, round(BLOCK / flights[0].grid.step)) * noise.phi.shape[0]
     scores = []
     for e in flights:
-        (X, at), own = white.of(e.name), best.residual[white.rows[e.name]]
+        (X, at), own = white.columns[e.name], best.residual[white.rows[e.name]]
         for a in range(0, len(own), block):
             score, some = np.zeros(n + k), slice(a, a + block)
             score[:n] = derivatives[e.name][some].T @ own[some]
@@ -311,16 +296,10 @@ def refine(
     robust = _robust(covariance, np.array(scores))
     covariance = covariance * np.sqrt(np.outer(robust, robust))
     logdet = np.linalg.slogdet(best.information)[1]
-    places = [slice(*at) for at in pairwise(np.cumsum([n, *white.sizes]).tolist())]
-    parts = tuple(
-        LinearPart(c.generic, best.z[at], covariance[at, at])
-        for c, at in zip(linear, places, strict=True)
-    )
-    pairs = list(zip(linear, parts, strict=True))
+    pairs = list(zip(linear, places((c.size for c in linear), n), strict=True))
+    parts = tuple(LinearPart(c.generic, best.z[at], covariance[at, at]) for c, at in pairs)
     drifted = {
-        e.name: sum(c.columns[e.name] @ part.coefficients for c, part in pairs)
-        for e in flights
-        if pairs
+        e.name: sum(c.columns[e.name] @ best.z[at] for c, at in pairs) for e in flights if pairs
     }
     return Fit(
         tuple(fitted[: len(terms)]),
@@ -345,7 +324,7 @@ def scaled_jacobian(
     scale = np.array([f.scale for f in free])
     columns = np.zeros((*flight.y.shape, len(free)))
     base: dict[tuple[int, ...], np.ndarray] = {}
-    stages = StageCache()
+    stages: Stages = {}
     swinging: dict[int, list[tuple[int, float, Term]]] = {}
     for k, f in enumerate(free):
         if f.flight and f.flight != flight.name:
@@ -551,9 +530,10 @@ def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
     mean, covariance = problem.total.posterior(problem.columns(model.members))
     first = sum(c.size for c in problem.nuisance)
     chosen = [problem.candidates[i] for i in model.members]
-    ends = np.cumsum([first, *(c.size for c in chosen)])
-    parts = [(c, slice(a, b)) for c, a, b in zip(chosen, ends[:-1], ends[1:], strict=True)]
+    parts = list(zip(chosen, places((c.size for c in chosen), first), strict=True))
     for candidate, own in parts:
+        if candidate.physical is None:
+            continue
         coefficients, _ = candidate.physical(mean[own], covariance[own, own])
         # Conditioning of a Gaussian: fixing some coefficients moves the others by their covariance
         # with them.

@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -256,53 +255,37 @@ def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray
     return np.concatenate([force, np.cross(hooks, force)], axis=2)
 
 
-class ModifiedInertia:
-    """Mass properties of a flight's vehicle under mass effects, applied to the motion of the
-    flight.
+def needed_wrench(
+    flight: FlightResiduals, real: MassProperties, added: np.ndarray, ahead: np.ndarray
+) -> np.ndarray:
+    """Return the residual wrench (m, 6) in B that changed mass properties leave [N, N·m].
+
+    By forward dynamics with the real m', c, J': al = J'^-1 (tau - c x F - w x J' w), s = F / m' -
+    al x c - w x (w x c), or F / m' where the log follows the centre of mass. The residual is m s -
+    thrust and J al + w x J w - tau_nominal.
 
     Args:
-        effects: mass effects, in the order in which they act.
+        added: (m, 6) wrench in B in addition to the nominal one [N, N·m].
+        ahead: (m, 4) thrust and torques at rows less their mean around the rows [N, N·m].
     """
+    vehicle, w, c = flight.vehicle, flight.w, np.asarray(real.p_BoBcm_B, float)
+    lever, turned = attitude.skew(c).T, np.linalg.inv(real.J).T
+    gyroscopic = np.cross(w, w @ real.J.T)
 
-    def __init__(self, flight: FlightResiduals, effects: Sequence[MassEffect]):
-        self._e = flight
-        real = MassProperties.of(flight.vehicle)
-        for effect in effects:
-            real = effect.properties(real)
-        w, c = flight.w, np.asarray(real.p_BoBcm_B, float)
-        self._mass, self._lever, self._turned = (
-            real.mass,
-            attitude.skew(c).T,
-            np.linalg.inv(real.J).T,
-        )
-        self._gyroscopic = np.cross(w, w @ real.J.T)
-        self._offset, self._at_origin = c.any(), c.any() and flight.vehicle.logged_point == "origin"
-        self._inward = w * (w @ c)[:, None] - c * np.sum(w**2, axis=1)[:, None]  # w x (w x c)
+    def angular(F: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        return (tau - F @ lever - gyroscopic) @ turned
 
-    def needs(self, added: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-        """Return the residual wrench (m, 6) in B that the changed mass properties leave [N, N·m].
-
-        By forward dynamics with the real m', c, J': al = J'^-1 (tau - c x F - w x J' w), s = F / m'
-        - al x c - w x (w x c), or F / m' where the log follows the centre of mass. The residual is
-        m s - thrust and J al + w x J w - tau_nominal.
-
-        Args:
-            added: (m, 6) wrench in B in addition to the nominal one [N, N·m].
-            ahead: (m, 4) thrust and torques at rows less their mean around the rows [N, N·m].
-        """
-        e = self._e
-        rotors = e.nominal / e.shown - e.given
-        wrench = rotors + added
-        F, tau = wrench[:, :3], wrench[:, 3:]
-        at_mids = F - ahead[:, :1] * [0.0, 0.0, 1.0] if self._offset else F
-        s, al = F / self._mass, self._angular(at_mids, tau)
-        if self._at_origin:
-            s = s + self._angular(F, tau + ahead[:, 1:]) @ self._lever - self._inward
-        needed = np.concatenate([e.vehicle.mass * s, al @ e.vehicle.J.T + e.gyroscopic], axis=1)
-        return needed - rotors
-
-    def _angular(self, F: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        return (tau - F @ self._lever - self._gyroscopic) @ self._turned
+    rotors = flight.nominal / flight.shown - flight.given
+    wrench = rotors + added
+    F, tau = wrench[:, :3], wrench[:, 3:]
+    s, at_mids = F / real.mass, F
+    if c.any():
+        at_mids = F - ahead[:, :1] * [0.0, 0.0, 1.0]
+        if vehicle.logged_point == "origin":
+            inward = w * (w @ c)[:, None] - c * np.sum(w**2, axis=1)[:, None]  # w x (w x c)
+            s = s + angular(F, tau + ahead[:, 1:]) @ lever - inward
+    al = angular(at_mids, tau) @ vehicle.J.T + flight.gyroscopic
+    return np.concatenate([vehicle.mass * s, al], axis=1) - rotors
 
 
 # Low-pass on accelerations from velocities where an attitude error turns them [Hz]; own choice.
@@ -429,39 +412,33 @@ def true_measurement(
     return truth
 
 
-class StageCache:
-    """Cache of the parts of one flight's predicted residuals, keyed by the terms on which each part
-    depends.
+# Cache of the parts of one flight's predicted residuals, by the function that makes each and the
+# terms on which it depends. Finite differences change one parameter at a time, so that most parts
+# are reused.
+Stages = dict[tuple, Any]
 
-    Finite differences change one parameter at a time, so that most parts are reused.
-    """
 
-    def __init__(self) -> None:
-        self._known: dict[tuple, Any] = {}
-
-    def once(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
-        """Return the cached value of a stage for this key, computed by `make` on first use."""
-        if (stage, key) not in self._known:
-            self._known[stage, key] = make()
-        return self._known[stage, key]
+def _once(stages: Stages, key: tuple, make: Callable[..., Any], *of: Any) -> Any:
+    """Return the cached value of `make(*of)` for this key, computed on first use."""
+    if (make, key) not in stages:
+        stages[make, key] = make(*of)
+    return stages[make, key]
 
 
 def predicted_residual(
-    flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None
+    flight: FlightResiduals, terms: Sequence[Term], stages: Stages | None = None
 ) -> np.ndarray:
     """Return the sum (m, 15) of what the terms leave in the channels of a flight; wind acts through
     drags among them.
 
     It is beyond what the fixed effects of the flight leave, with which they act.
     """
-    stages, fixed = stages or StageCache(), [Term(effect) for effect in flight.fixed]
+    stages, fixed = {} if stages is None else stages, [Term(effect) for effect in flight.fixed]
     left = _left_by(flight, [*fixed, *terms], stages)
-    return (
-        left - stages.once("fixed", (), partial(_left_by, flight, fixed, stages)) if fixed else left
-    )
+    return left - _once(stages, (), _left_by, flight, fixed, stages) if fixed else left
 
 
-def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache) -> np.ndarray:
+def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: Stages) -> np.ndarray:
     """Return the sum (m, 15) of what terms leave against the rotors alone."""
     log = flight.name
     sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
@@ -478,32 +455,19 @@ def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache)
     )
     y = np.zeros_like(flight.y)
     for sensor in sensors:
-        y += stages.once("sensor", (sensor,), partial(sensor_residual, flight, sensor))
+        y += _once(stages, (sensor,), sensor_residual, flight, sensor)
     if len(sensors) == len(terms) and not any(s.clock_shift for s in sensors):
         return flight.known(y)  # sensor effects alone change no wrench
     sensors = tuple(s for s in sensors if not s.small)
-    flight = stages.once("before", sensors, partial(without_errors, flight, sensors))
+    flight = _once(stages, sensors, without_errors, flight, sensors)
     key = (turning, sum(s.clock_shift for s in sensors))
-    thrust = stages.once("thrust", key, partial(_thrust, flight, terms))
-    turned = stages.once("turned", key, partial(_turned, flight, thrust))
+    turned = _once(stages, key, _turned, flight, terms)
     added = turned.wrench
-    if flight.log.a is not None:
-        # The part (m,) of dv/dt - a along the thrust that is not nominal [m/s²].
-        share = np.ones(len(flight.t))
-        for onset, effects in _acting(flight, terms, MassEffect):
-            real = MassProperties.of(flight.vehicle)
-            for effect in effects:
-                real = effect.properties(real)
-            begun = 1.0 if onset == -NEVER else flight.begun(onset)[:, 11]
-            share += begun * (flight.vehicle.mass / real.mass - share)
-        y[:, 11] += share * turned.after + (share - 1.0) * flight.after
     if pushing:
         moving = (key, sensors, winds)
-        motions = stages.once("motions", moving, partial(_motions, flight, thrust, winds))
+        motions = _once(stages, moving, _motions, flight, turned, winds)
         for one in (pair for pair in pushing if pair[0].pushes or pair[0].turns):
-            added = added + stages.once(
-                "wrench", (moving, one), partial(_wrench, flight, *one, *motions)
-            )
+            added = added + _once(stages, (moving, one), _wrench, flight, *one, *motions)
     for term in terms:
         if term.effect.has_hidden_state:
             # The wrench (n, 6) of one suspended payload in B on the grid, the mean over samples
@@ -511,12 +475,18 @@ def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache)
             ways = np.atleast_2d(term.hidden.get(flight.name, np.zeros(0)))
             swung = [dc.replace(term, hidden={flight.name: way}) for way in ways]
             added = added + swing_wrenches(flight, swung).mean(axis=1)
-    needed = added
+    # share (m,): of the part of dv/dt - a along the thrust that is not nominal [m/s²].
+    needed, share, vehicle = added, np.ones(len(flight.t)), flight.vehicle
     for onset, effects in _acting(flight, terms, MassEffect):
-        make = partial(ModifiedInertia, flight, effects)
-        moved = stages.once("body", (sensors, effects), make).needs(added, turned.ahead)
-        begun = 1.0 if onset == -NEVER else flight.begun(onset)[:, WRENCH]
-        needed = begun * moved + (1 - begun) * needed
+        real = MassProperties.of(vehicle)
+        for effect in effects:
+            real = effect.properties(real)
+        begun = flight.begun(onset)
+        share += begun[:, 11] * (vehicle.mass / real.mass - share)
+        moved = needed_wrench(flight, real, added, turned.ahead)
+        needed = begun[:, WRENCH] * moved + (1 - begun[:, WRENCH]) * needed
+    if flight.log.a is not None:
+        y[:, 11] += share * turned.after + (share - 1.0) * flight.after
     y[:, WRENCH] += needed * flight.shown
     return flight.known(y)
 
@@ -534,13 +504,26 @@ def gate(t: np.ndarray, onset: float | None) -> np.ndarray:
 
 
 Begun = tuple[WrenchEffect, float | None]  # an effect and its onset [s]
-Thrust = tuple[
-    np.ndarray, np.ndarray, np.ndarray, np.ndarray
-]  # at rows, mids [N]; rotor accelerations there [rad/s²]
 
 
-def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
-    """Return the actual thrust; effects that begin later are switched in at their onset."""
+class Turned(NamedTuple):
+    """Response of the rotors: thrust [N] and the rotors' accelerations [rad/s²] at the instants of
+    force (n, 4) and of torque (n-1, 4).
+
+    wrench (m, 6): on the grid, in excess of the nominal one in B [N, N·m]. after (m,): part of
+    dv/dt - a along the thrust in excess of the nominal one (`FlightResiduals.after`) [m/s²]. ahead
+    (m, 4): as `FlightResiduals.ahead`, of the actual rotors [N, N·m].
+    """
+
+    at_force: tuple[np.ndarray, np.ndarray]
+    at_torque: tuple[np.ndarray, np.ndarray]
+    wrench: np.ndarray
+    after: np.ndarray
+    ahead: np.ndarray
+
+
+def _turned(flight: FlightResiduals, terms: Sequence[Term]) -> Turned:
+    """Return the response; effects that begin later are switched in at their onset."""
     log, vehicle = flight.log, flight.vehicle
     ordered = sorted(terms, key=lambda t: _place_in_chain(t.effect))
     shift = sum(t.effect.clock_shift for t in terms if isinstance(t.effect, SensorEffect))
@@ -557,7 +540,20 @@ def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
     )
     speed = np.sqrt(np.maximum(rows, 0.0) / vehicle.thrust_coefficient)
     rate = np.diff(speed, axis=0) / np.diff(log.t)[:, None] if lagged else np.zeros_like(mids)
-    return rows, mids, np.concatenate([rate, rate[-1:]]), rate
+    du_rows = (rows - flight.thrust_rows) @ vehicle.mixer.T
+    du_mids = (mids - flight.thrust_mids) @ vehicle.mixer.T
+    # Without accelerations all values are means.
+    after = (
+        np.zeros(len(mids)) if log.a is None else (du_mids[:, 0] - du_rows[:-1, 0]) / vehicle.mass
+    )
+    at_mids = flight.from_mids(np.column_stack([du_mids, after]))
+    at_rows = at_mids[:, :4] if log.a is None else flight.from_rows(du_rows)
+    wrench = np.zeros((len(flight.t), 6))
+    wrench[:, 2], wrench[:, 3:] = at_rows[:, 0], at_mids[:, 1:4]
+    ahead = flight.ahead + at_rows - at_mids[:, :4]
+    at_torque = mids, rate
+    at_force = at_torque if log.a is None else (rows, np.concatenate([rate, rate[-1:]]))
+    return Turned(at_force, at_torque, wrench, at_mids[:, 4], ahead)
 
 
 def _place_in_chain(effect: Effect) -> int:
@@ -582,42 +578,12 @@ def _acting(
         yield onset, tuple(effect for effect, begin in acting if begin <= onset)
 
 
-class Turned(NamedTuple):
-    """Response of the rotors on the grid: wrench (m, 6) in excess of the nominal one in B [N, N·m].
-
-    after (m,): part of dv/dt - a along the thrust in excess of the nominal one
-    (`FlightResiduals.after`) [m/s²]. ahead (m, 4): as `FlightResiduals.ahead`, of the actual rotors
-    [N, N·m].
-    """
-
-    wrench: np.ndarray
-    after: np.ndarray
-    ahead: np.ndarray
-
-
-def _turned(flight: FlightResiduals, thrust: Thrust) -> Turned:
-    mixer = flight.vehicle.mixer
-    du_rows = (thrust[0] - flight.thrust_rows) @ mixer.T
-    du_mids = (thrust[1] - flight.thrust_mids) @ mixer.T
-    wrench = np.zeros((len(flight.t), 6))
-    if flight.log.a is None:
-        wrench[:, 2:] = flight.from_mids(du_mids)
-        return Turned(wrench, wrench[:, 0], flight.ahead)
-    after = (du_mids[:, 0] - du_rows[:-1, 0]) / flight.vehicle.mass
-    at_rows = flight.from_rows(du_rows)
-    at_mids = flight.from_mids(np.column_stack([du_mids, after]))
-    wrench[:, 2], wrench[:, 3:] = at_rows[:, 0], at_mids[:, 1:4]
-    return Turned(wrench, at_mids[:, 4], flight.ahead + at_rows - at_mids[:, :4])
-
-
 def _motions(
-    flight: FlightResiduals, thrust: Thrust, winds: Sequence[Begun]
+    flight: FlightResiduals, turned: Turned, winds: Sequence[Begun]
 ) -> tuple[Motion, Motion]:
     """Return the motions at the instants of force and of torque, with the air velocity of the
     winds.
     """
-    rows, mids, rate_rows, rate_mids = thrust
-    at_force = (mids, rate_mids) if flight.log.a is None else (rows, rate_rows)
 
     def at(instants: Instants, x: np.ndarray, f: np.ndarray, rate: np.ndarray) -> Motion:
         t, still = instants.t, np.zeros((len(instants.t), 3))
@@ -627,7 +593,7 @@ def _motions(
         return Motion(t, x, f, wind, rate)
 
     x_rows, x_mids = flight.wrench_states
-    return at(flight.rows, x_rows, *at_force), at(flight.mids, x_mids, mids, rate_mids)
+    return at(flight.rows, x_rows, *turned.at_force), at(flight.mids, x_mids, *turned.at_torque)
 
 
 def _wrench(

@@ -70,24 +70,23 @@ def wind_force(
     ]
 
     def loss(z: np.ndarray) -> float:
-        return _restricted_loss(level, size_of_bin, *np.exp(z))
+        # Restricted likelihood: the mean, projected out of the whitened forces, costs
+        # log(1'C^-1 1) / 2 an axis.
+        F, one, logdet = _whitened(level, size_of_bin, *np.exp(z))
+        weight = one @ one
+        power = np.sum(F**2) - np.sum((one @ F) ** 2) / weight
+        return float(0.5 * (power + F.shape[1] * (logdet + np.log(weight))))
 
     best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=bounds).x
     deviation, time, white = np.exp(best)
     # (k, k) second derivatives by central differences, with a weak prior: a figure may not
     # matter at all.
-    k = len(best)
-    E = STEP * np.eye(k)
-    H = np.empty((k, k))
-    for i in range(k):
-        for j in range(i + 1):
-            four = (
-                loss(best + E[i] + E[j])
-                - loss(best + E[i] - E[j])
-                - loss(best - E[i] + E[j])
-                + loss(best - E[i] - E[j])
-            )
-            H[i, j] = H[j, i] = four / (4 * STEP**2)
+    E = STEP * np.eye(len(best))
+
+    def slope(z: np.ndarray) -> np.ndarray:
+        return np.array([loss(z + e) - loss(z - e) for e in E]) / (2 * STEP)
+
+    H = np.array([slope(best + e) - slope(best - e) for e in E]) / (2 * STEP)
     values, vectors = np.linalg.eigh(H)
     wide = np.exp(
         SURE
@@ -121,17 +120,6 @@ def _whitened(
         whole[:, -1],
         sum(2 * np.log(np.diag(factors[len(s)])).sum() for s in pieces),
     )
-
-
-def _restricted_loss(
-    pieces: Sequence[np.ndarray], size: float, deviation: float, time: float, white: float
-) -> float:
-    # Restricted likelihood: the mean, projected out of the whitened forces, costs log(1'C^-1 1) / 2
-    # an axis.
-    F, one, logdet = _whitened(pieces, size, deviation, time, white)
-    weight = one @ one
-    power = np.sum(F**2) - np.sum((one @ F) ** 2) / weight
-    return float(0.5 * (power + F.shape[1] * (logdet + np.log(weight))))
 
 
 def forces(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
@@ -378,9 +366,11 @@ def as_gusts(
     drag = dc.replace(drag, onset=dict(begun))
     # A wind acts through a drag that is physical, and not negligible.
     own = drag.effect
-    if not isinstance(own, LinearDrag) or 0.5 * (own.d_x + own.d_y) <= WEAKEST:
-        return causes
-    if not all(p.lower <= own.values[p.name] <= p.upper for p in own.parameters):
+    if (
+        not isinstance(own, LinearDrag)
+        or 0.5 * (own.d_x + own.d_y) <= WEAKEST
+        or not all(p.lower <= own.values[p.name] <= p.upper for p in own.parameters)
+    ):
         return causes
     force = wind_force(
         flights,

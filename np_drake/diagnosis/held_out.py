@@ -327,7 +327,7 @@ def with_calibration(
         return e
     own = errors_of(e, options.tolerance)
     e = dc.replace(e, y=e.uncalibrated, calibrated=0.0)
-    shared = fit.calibration_on(e)
+    shared = sum((columns(e) @ c for columns, c in fit.calibrated), start=np.zeros_like(e.y))
     there = dc.replace(e, y=e.y - shared)
     terms = adapt(fit.terms, there, noise, options.priors, fit.calibration, unmeasured=unmeasured)
     left = there.y - predicted_residual(there, terms)

@@ -11,8 +11,9 @@ Source: Yule-Walker equations (noise; the order is own choice); standard (regres
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -248,6 +249,11 @@ def _autocovariance(e: np.ndarray) -> np.ndarray:
     return np.fft.irfft(power, size)[: ORDER + 1]
 
 
+def places(sizes: Iterable[int], first: int = 0) -> list[slice]:
+    """Return the places of groups of columns that follow one another, from column `first` on."""
+    return [slice(*ends) for ends in pairwise(np.cumsum([first, *sizes]).tolist())]
+
+
 AT_ONCE = 200_000  # matrix entries of the sets that are solved together
 
 
@@ -280,13 +286,9 @@ class Gram:
 
     def log_evidence(self, index: np.ndarray) -> float:
         """Return the log evidence of the columns `index`, less that of the empty model [nat]."""
-        if len(index) == 0:
-            return 0.0
-        factor, _ = linalg.cho_factor(
-            self.XX[index[:, None], index] + np.eye(len(index)), lower=True, check_finite=False
-        )
-        mean = linalg.cho_solve((factor, True), self.Xy[index], check_finite=False)
-        return float(0.5 * self.Xy[index] @ mean - np.log(factor.diagonal()).sum())
+        factor = np.linalg.cholesky(self.XX[index[:, None], index] + np.eye(len(index)))
+        b = linalg.solve_triangular(factor, self.Xy[index], lower=True, check_finite=False)
+        return float(0.5 * b @ b - np.log(factor.diagonal()).sum())
 
     def evidence_of_sets(
         self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]

@@ -141,11 +141,10 @@ def weigh(
         if h.sign:
             evidence += float(np.log(2.0) + special.log_ndtr(h.sign * value / error))
         found[name] = (evidence, value, error)
-    most = max(evidence for evidence, _, _ in found.values())
-    total = sum(np.exp(evidence - most) for evidence, _, _ in found.values())
+    probability = special.softmax([evidence for evidence, _, _ in found.values()]).tolist()
     return {
-        name: Weighed(float(np.exp(evidence - most) / total), value, error)
-        for name, (evidence, value, error) in found.items()
+        name: Weighed(p, value, error)
+        for p, (name, (_, value, error)) in zip(probability, found.items(), strict=True)
     }
 
 

@@ -52,14 +52,13 @@ def slow_force(
     bounds = list(zip(centre - REACH * spread, centre + REACH * spread, strict=True))
     n, (time, times) = len(centre), options.priors.gust_time
 
-    def without_force(z: np.ndarray) -> float:
-        return _loss(spectra, z, None) + 0.5 * float(np.sum(((z - centre) / spread) ** 2))
+    def misfit(z: np.ndarray, force: np.ndarray | None = None) -> float:
+        return _loss(spectra, z, force) + 0.5 * float(np.sum(((z - centre) / spread) ** 2))
 
     def with_force(z: np.ndarray) -> float:
-        own = 0.5 * float(np.sum(((z[:n] - centre) / spread) ** 2))
-        return _loss(spectra, z[:n], z[n:]) + own + 0.5 * ((z[n + 1] - np.log(time)) / times) ** 2
+        return misfit(z[:n], z[n:]) + 0.5 * ((z[n + 1] - np.log(time)) / times) ** 2
 
-    sensors = optimize.minimize(without_force, centre, method="L-BFGS-B", bounds=bounds)
+    sensors = optimize.minimize(misfit, centre, method="L-BFGS-B", bounds=bounds)
     about = [
         (centre[0] - 4, centre[0] + 4),
         (np.log(time) - REACH * times, np.log(time) + REACH * times),

@@ -19,9 +19,12 @@ from np_drake.diagnosis.forward_model import (
 )
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors.payload import SMALL, WIDEST
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 
+SMALL = (
+    0.02  # difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
+)
+WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
 STEPS = 3  # Gauss-Newton iterations
 GRID = 128  # swings in the grid of starts; own choice
 TRIED = 3  # best grid points from which to descend, besides the given swing; own choice

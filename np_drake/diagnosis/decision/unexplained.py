@@ -12,7 +12,6 @@ posterior over blocks of time and over whether each structure is there.
 import dataclasses as dc
 from collections.abc import Collection, Mapping, Sequence
 from functools import reduce
-from itertools import pairwise
 from operator import add
 from typing import NamedTuple
 
@@ -23,7 +22,7 @@ from scipy.integrate import cumulative_trapezoid
 from np_drake.diagnosis.fitting import BLOCK, prior_whitening, scaled_jacobian
 from np_drake.diagnosis.forward_model import predicted_residual, with_dependants
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.numerics import NoiseModel, places
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, generic_candidates, prior_of
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
@@ -63,8 +62,7 @@ class LinearModel:
         self._own = {i: [k for k, f in enumerate(free) if f.term == i] for i in range(len(now))}
         first = len(free) + sum(c.size for c in drifting)
         self._nuisance = np.arange(len(free), first)
-        ends = np.cumsum([first, *(c.size for c in self.structure)])
-        self._columns = [np.arange(*span) for span in pairwise(ends.tolist())]
+        self._columns = [np.r_[own] for own in places((c.size for c in self.structure), first)]
 
     def evidence(self, without: Collection[int] = (), structure: Sequence[int] = ()) -> float:
         """Return the log evidence, priors of structure included, without some terms and with some

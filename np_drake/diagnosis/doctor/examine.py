@@ -33,7 +33,6 @@ from np_drake.diagnosis.regressors import (
     hidden_from,
     library_candidates,
     options_of,
-    payloads_of,
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import (
@@ -47,6 +46,7 @@ from np_drake.diagnosis.residuals import (
 )
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.selection.map_model import noise_of
+from np_drake.diagnosis.selection.payload_search import payload_about, payload_of
 from np_drake.effects.base import Parameter, correlation_root
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, effect_of, effects_for
@@ -99,11 +99,12 @@ def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
         columns = {n: X[..., 3:] for n, X in c.columns.items()}
         found.append(Trace(WIND, wind, tuple(p.typical for p in wind), columns))
     told = PAYLOAD in LIBRARY and PAYLOAD not in hidden_from(flights)
-    for payload in payloads_of(flights, TRACE_LENGTHS, priors) if told else ():
+    for length in TRACE_LENGTHS if told else ():
+        payload = payload_about(flights, payload_of(length), priors, shaped=False)
         mass, columns = LIBRARY[PAYLOAD].parameters[:1], payload.candidate(flights).columns
         usual = usual_size(mass[0], flights[0].vehicle)
         for X in columns.values():
-            X[..., 0] *= usual / payload.unit
+            X[..., 0] *= usual / payload.guess.effect.values["mass"]
         found.append(Trace(PAYLOAD, mass, (usual,), columns))
     return found
 

@@ -1,6 +1,4 @@
-"""Regressors of the linear model: library effects, generic structure, nuisance parameters,
-payload.
-"""
+"""Regressors of the linear model: library effects, generic structure, nuisance parameters."""
 
 from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import (
@@ -20,21 +18,11 @@ from np_drake.diagnosis.regressors.library import (
     wind_candidates,
     with_input,
 )
-from np_drake.diagnosis.regressors.payload import (
-    AT_REST,
-    SHAPE,
-    Guess,
-    PayloadColumns,
-    heavy_enough,
-    payload_about,
-    payloads_of,
-)
 from np_drake.diagnosis.regressors.regression_problem import (
     Model,
     RegressionProblem,
     Sums,
     SwitchedRegressors,
-    SwitchedSums,
     WhiteNuisance,
     onset_log_likelihood,
     prior_of,

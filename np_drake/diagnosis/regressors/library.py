@@ -1,19 +1,18 @@
-"""Nuisance parameters: errors of the vehicle file and the sensors within tolerance, part of every
-model.
-
-Mass and thrust errors are the same in all flights; sensor errors differ from flight to flight.
+"""Candidates of the regression: columns of every effect of the library, and what vehicle file and
+input of the flights leave open.
 """
 
 import dataclasses as dc
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 from scipy import special
 
-from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
+from np_drake.diagnosis.forward_model import Stages, Term, predicted_residual
 from np_drake.diagnosis.numerics import fit_noise
 from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
 from np_drake.diagnosis.residuals import QUIET, FlightResiduals
@@ -50,10 +49,9 @@ class Candidate:
     terms: Callable[[np.ndarray], list[Term]]
     log_prior: float = 0.0
     onset: Onset = dc.field(default_factory=dict)
-    possible: Callable[[np.ndarray], bool] | None = None  # whether coefficients are physical
-    mended: Callable[[np.ndarray, np.ndarray], Mended] | None = (
-        None  # physical coefficients near a bound
-    )
+    # Physical coefficients by posterior mean (k,) and covariance (k, k), and the log probability of
+    # being physical; None where all are.
+    physical: Callable[[np.ndarray, np.ndarray], Mended] | None = None
     generic: Callable[[FlightResiduals], np.ndarray] | None = (
         None  # columns on any flight; None for library effects
     )
@@ -76,24 +74,6 @@ class Candidate:
             i in LIBRARY and LIBRARY[i].widens for i in self.identifiers
         )
 
-    @property
-    def bounded(self) -> bool:
-        """Whether some coefficients are not physical."""
-        return self.possible is not None or self.mended is not None
-
-    def physical(self, mean: np.ndarray, covariance: np.ndarray) -> Mended:
-        """Return physical coefficients (k,) given the posterior, and the log probability of being
-        physical.
-
-        Args:
-            mean: (k,) posterior mean.
-            covariance: (k, k) posterior covariance.
-        """
-        c, log_probability = (mean, 0.0) if self.mended is None else self.mended(mean, covariance)
-        if self.possible is not None and not self.possible(c):
-            return c, -math.inf
-        return c, log_probability
-
 
 def hidden_from(flights: Sequence[FlightResiduals]) -> dict[str, str]:
     """Return the effects that this kind of flights cannot tell, with the reason."""
@@ -114,7 +94,7 @@ def library_candidates(
         onset: onsets by flight [s]; effects that cannot begin in flight are then left out.
     """
     found: list[Candidate] = []
-    stages = {e.name: StageCache() for e in flights}
+    stages: dict[str, Stages] = {e.name: {} for e in flights}
     # A load that is taken up in flight shows, however heavy the vehicle was before.
     hidden = {
         name
@@ -133,19 +113,14 @@ def _effect_candidates(
     effect: type[Effect],
     flights: Sequence[FlightResiduals],
     onset: Onset,
-    stages: Mapping[str, StageCache] | None = None,
+    stages: Mapping[str, Stages] | None = None,
 ) -> list[Candidate]:
     """Return the variants of one effect as candidates, from caches of earlier predictions by
     flight.
     """
-    stages = stages or {e.name: StageCache() for e in flights}
-    settings: list[dict[str, float]] = [{}]
-    for p in effect.parameters:
-        settings = (
-            [{**s, p.name: choice} for s in settings for choice in p.choices]
-            if p.choices
-            else settings
-        )
+    stages = stages or {e.name: {} for e in flights}
+    choices = {p.name: p.choices for p in effect.parameters if p.choices}
+    settings = [dict(zip(choices, some, strict=True)) for some in product(*choices.values())]
     grid = effect.grid(flights[0].vehicle)
     if effect.linear or settings != [{}] or not grid:
         return [_linear(effect, flights, onset, s, len(settings), stages) for s in settings]
@@ -180,9 +155,9 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
     label = ",".join(f"{k}={v:g}" for k, v in fixed.items())
     columns = {e.name: one(e) for e in flights}
     one_sided = np.array([p.lower == p.neutral for p in free])
-    mended = partial(_not_negative, root, one_sided) if one_sided.any() else None
+    physical = partial(_not_negative, root, one_sided) if one_sided.any() else None
     prior = -math.log(variants)
-    return Candidate((effect.identifier,), label, columns, terms, prior, onset, mended=mended)
+    return Candidate((effect.identifier,), label, columns, terms, prior, onset, physical)
 
 
 def _not_negative(
@@ -225,9 +200,13 @@ def at_value(effect, flights, onset, values: dict[str, float], variants: int, st
 
     label = ",".join(f"{k}={v:.3g}" for k, v in values.items())
     one_sided = all(p.lower >= p.neutral for p in effect.parameters)
-    possible = (lambda c: bool(c[0] > 0)) if one_sided else None
+    physical = _positive if one_sided else None
     prior = -math.log(variants)
-    return Candidate((effect.identifier,), label, columns, terms, prior, onset, possible)
+    return Candidate((effect.identifier,), label, columns, terms, prior, onset, physical)
+
+
+def _positive(mean: np.ndarray, covariance: np.ndarray) -> Mended:
+    return mean, 0.0 if mean[0] > 0 else -math.inf
 
 
 def wind_candidates(
@@ -248,7 +227,7 @@ def wind_candidates(
     for drag in (c for c in plain if c.identifiers == (DRAG,)):
         columns = {}
         for e in flights:
-            unit, stages = Term(LinearDrag(typical, typical, typical), drag.onset), StageCache()
+            unit, stages = Term(LinearDrag(typical, typical, typical), drag.onset), Stages()
             still = predicted_residual(e, [unit], stages)
             winds = [ConstantWind(*axis) for axis in np.eye(3).tolist()]
             windy = [predicted_residual(e, [unit, Term(wind, onset)], stages) for wind in winds]
@@ -350,15 +329,18 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     if log_input == "normalised":
         known = vehicle.throttle is not None
         scale = vehicle.uncertainty("thrust") or IDENTIFIED_SCALE if known else THROTTLE_SCALE
-        open_["thrust"] = max(tolerance.thrust, scale)
-        open_["throttle_curve"] = max(
-            tolerance.throttle_curve, IDENTIFIED_CURVE if known else THROTTLE_CURVE
-        )
+        curve = IDENTIFIED_CURVE if known else THROTTLE_CURVE
+        open_ |= {
+            "thrust": max(tolerance.thrust, scale),
+            "throttle_curve": max(tolerance.throttle_curve, curve),
+        }
     if (
         log_input == "normalised" and not unmeasured
     ):  # the calibration of an unmeasured vehicle holds these
-        open_["mounting"] = max(tolerance.mounting, SPREAD.mounting)
-        open_["latency"] = max(tolerance.latency, SPREAD.latency)
+        open_ |= {
+            "mounting": max(tolerance.mounting, SPREAD.mounting),
+            "latency": max(tolerance.latency, SPREAD.latency),
+        }
     return dc.replace(options, tolerance=dc.replace(tolerance, **open_, unmeasured=unmeasured))
 
 

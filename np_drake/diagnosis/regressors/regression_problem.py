@@ -3,14 +3,13 @@
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
 from functools import cached_property, reduce
-from itertools import pairwise
 from operator import add
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from np_drake.diagnosis.numerics import Gram, NoiseModel
+from np_drake.diagnosis.numerics import Gram, NoiseModel, places
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors.library import LINEAR, Candidate
 from np_drake.diagnosis.residuals import SIZE, FlightResiduals
@@ -30,8 +29,9 @@ def prior_of(identifiers: Iterable[str], priors: Priors) -> float:
 
 
 class WhiteNuisance:
-    """Linear nuisance of some flights, whitened: by flight the columns that act there.
+    """Linear nuisance of some flights, whitened.
 
+    columns: by flight, those that act there (rows, k'), and their positions (k',) among all.
     gram: (k, k) over all flights, with the prior. rows: by flight, of the whitened residual.
 
     Args:
@@ -45,9 +45,8 @@ class WhiteNuisance:
         noise: NoiseModel,
         root: float,
     ):
-        self.sizes = [c.size for c in linear]
-        self.gram = np.eye(sum(self.sizes))
-        self._columns: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.gram = np.eye(sum(c.size for c in linear))
+        self.columns: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.rows: dict[str, slice] = {}
         first, order = 0, noise.phi.shape[1]
         for e in flights:
@@ -58,12 +57,8 @@ class WhiteNuisance:
             last = first + (len(e.t) - order) * noise.phi.shape[0]
             X, at = white.reshape(last - first, white.shape[-1]), np.flatnonzero(there)
             self.rows[e.name], first = slice(first, last), last
-            self._columns[e.name] = X, at
+            self.columns[e.name] = X, at
             self.gram[np.ix_(at, at)] += X.T @ X
-
-    def of(self, flight: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return the columns (rows, k') of a flight, and their positions (k',) among all."""
-        return self._columns[flight]
 
 
 @dc.dataclass(frozen=True)
@@ -94,8 +89,7 @@ class RegressionProblem:
     ):
         self.flights, self.noise, self.temperature = list(flights), noise, temperature
         self.nuisance, self.candidates, self.options = nuisance, candidates, options
-        ends = np.cumsum([0] + [c.size for c in (*nuisance, *candidates)])
-        self._index = [np.arange(a, b) for a, b in pairwise(ends)]
+        self._places = places(c.size for c in (*nuisance, *candidates))
         self._nuisance = sum(c.size for c in nuisance)
         self.linear = [c for c in nuisance if c.variant == LINEAR]
         self._white: tuple[NoiseModel, WhiteNuisance] | None = None
@@ -132,7 +126,7 @@ class RegressionProblem:
 
     def columns_of(self, member: int) -> np.ndarray:
         """Return the column indices of one candidate."""
-        return self._index[len(self.nuisance) + member]
+        return np.r_[self._places[len(self.nuisance) + member]]
 
     def columns(self, members: Sequence[int]) -> np.ndarray:
         """Return the column indices of the nuisance and the members."""
@@ -178,17 +172,15 @@ class RegressionProblem:
         """
         total = np.zeros(len(sets))
         some = [
-            k for k, members in enumerate(sets) if any(self.candidates[i].bounded for i in members)
+            k for k, members in enumerate(sets) if any(self.candidates[i].physical for i in members)
         ]
         posteriors = self._rest.posteriors(
             [self.columns(sets[k])[self._nuisance :] - self._nuisance for k in some]
         )
         for k, (mean, covariance) in zip(some, posteriors, strict=True):
-            at = 0
-            for c in (self.candidates[i] for i in sets[k]):
-                own = slice(at, at + c.size)
-                at += c.size
-                total[k] += c.physical(mean[own], covariance[own, own])[1] if c.bounded else 0.0
+            chosen = [self.candidates[i] for i in sets[k]]
+            for c, own in zip(chosen, places(c.size for c in chosen), strict=True):
+                total[k] += c.physical(mean[own], covariance[own, own])[1] if c.physical else 0.0
         return total
 
     def fits_together(self, members: Sequence[int]) -> bool:
@@ -258,12 +250,12 @@ class SwitchedRegressors:
         self.at = np.flatnonzero(others.any(axis=(0, 1)))
         both = np.concatenate([others[..., self.at], target[..., None]], axis=-1)
         active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
-        driven = self._driven(active, flight.bridged(both[:, active]))
+        driven, weighted = self._driven(active, flight.bridged(both[:, active]))
         # Innovations times this equal whitened values times whitened `both`; rows beyond either end
         # are zero.
         padded = np.zeros((both.shape[1], half + m + half + self._order, both.shape[2]))
         self._facing = padded[:, half : half + m]
-        self._facing[active] = np.tensordot(self._weight(active), driven, 1)
+        self._facing[active] = weighted
         self._windows = sliding_window_view(padded, self._near, axis=1)
         self.products = np.sum(np.swapaxes(driven, 1, 2) @ self._facing[active], axis=0)
 
@@ -272,8 +264,7 @@ class SwitchedRegressors:
         jump there.
         """
         channels = self._channels(X)
-        own = self._driven(channels, self._e.bridged(X[:, channels]))
-        weighted = np.tensordot(self._weight(channels), own, 1)
+        own, weighted = self._driven(channels, self._e.bridged(X[:, channels]))
         by_row = own.transpose(1, 2, 0)
         XX, XBy = (by_row @ np.swapaxes(a, 0, 1) for a in (weighted, self._facing[channels]))
         XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in (XX, XBy))
@@ -294,14 +285,14 @@ class SwitchedRegressors:
         near = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
         channels = self._channels(X)
         late = self._e.bridged(X[:, channels])[near] * gate[:, None, channels, None]
-        own = self._driven(channels, np.moveaxis(late, 2, 1))
         row = rows - half + np.arange(self._near)[:, None]
-        own = np.where(((row >= 0) & (row < m))[..., None], own, 0.0).transpose(0, 2, 3, 1)
-        weighted = np.tensordot(self._weight(channels), own, 1)
+        there = ((row >= 0) & (row < m))[..., None]
+        both = self._driven(channels, np.moveaxis(late, 2, 1))
+        own, weighted = (np.where(there, part, 0.0).transpose(0, 2, 3, 1) for part in both)
         XX, XB, Xy, at = whole.rows(np.clip(rows - half + self._near, 0, m))
         XX += np.sum(own @ np.swapaxes(weighted, 2, 3), axis=0)
         for part, c in zip(own, channels, strict=True):
-            XBy = part @ np.swapaxes(_taken(self._windows[c], rows), 1, 2)
+            XBy = part @ np.swapaxes(self._windows[c][rows], 1, 2)
             XB += XBy[..., :-1]
             Xy += XBy[..., -1]
         return Sums(XX, XB, Xy, at)
@@ -310,37 +301,17 @@ class SwitchedRegressors:
         """Return the active channels in which a column is not zero."""
         return np.flatnonzero(self._noise.active & X.any(axis=(0, 2)))
 
-    def _driven(self, channels: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Return the innovations (a, m - p, ...) of the channels (a,), for values (m, a, ...)."""
+    def _driven(self, channels: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the innovations (a, m - p, ...) of the channels (a,), for values (m, a, ...), and
+        these times the inverse of their covariance.
+        """
         parts = [
             self._noise.driven_in(c, values[:, i], self._e.name)
             for i, c in enumerate(channels.tolist())
         ]
         shape = (len(values) - self._order, *values.shape[2:])
-        return self._scale * np.reshape(parts, (len(parts), *shape))
-
-    def _weight(self, channels: np.ndarray) -> np.ndarray:
-        return self._noise.weight[np.ix_(channels, channels)]
-
-
-class SwitchedSums:
-    """Cache of the sums of one candidate's columns X (m', 15, k) in one flight.
-
-    Args:
-        X: (m', 15, k) columns.
-    """
-
-    def __init__(self, columns: SwitchedRegressors, X: np.ndarray):
-        self.t, self._columns, self._X = columns.t, columns, X
-        self.whole = columns.whole(X)
-        self._begun: dict[bytes, Sums] = {}
-
-    def begun(self, rows: np.ndarray) -> Sums:
-        """Return the read-only sums for columns switched on at each of the whitened rows (n,)."""
-        key = rows.tobytes()
-        if key not in self._begun:
-            self._begun[key] = self._columns.begun(self._X, self.whole, rows)
-        return self._begun[key]
+        own = self._scale * np.reshape(parts, (len(parts), *shape))
+        return own, np.tensordot(self._noise.weight[np.ix_(channels, channels)], own, 1)
 
 
 def onset_log_likelihood(
@@ -367,11 +338,3 @@ def onset_log_likelihood(
     usable = (times < t[0] + 0.3) & (times > t[0])
     after[usable] = -np.inf
     return times, after
-
-
-def _taken(windows: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return windows[rows], as a view where rows (n,) are equally spaced."""
-    steps = np.unique(np.diff(rows))
-    if len(steps) != 1 or steps[0] <= 0:
-        return windows[rows]
-    return windows[rows[0] : rows[-1] + 1 : steps[0]]

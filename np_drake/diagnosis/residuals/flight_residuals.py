@@ -242,20 +242,17 @@ class FlightResiduals:
         grid = dc.replace(
             self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1]
         )
-        parts = {
-            name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "outliers", "joined")
-        }
-        for name in ("calibrated", "given"):
-            value = getattr(self, name)
-            parts[name] = value[:n] if isinstance(value, np.ndarray) else value
-        return dc.replace(self, grid=grid, **parts)
+        by_row = ("y", "nominal", "w", "outliers", "joined", "calibrated", "given")
+        values = {name: getattr(self, name) for name in by_row}
+        cut = {name: value[:n] if np.ndim(value) else value for name, value in values.items()}
+        return dc.replace(self, grid=grid, **cut)
 
     def begun(self, onset: float | None) -> np.ndarray:
-        """Return a step (m, 15) that is one from `onset` [s] on (None: always), smeared as each
-        channel is.
+        """Return a step (m, 15) that is one from `onset` [s] on (None and -inf: always), smeared as
+        each channel is.
         """
         if onset is None or not np.isfinite(onset):
-            return np.full((len(self.t), SIZE), float(onset is None))
+            return np.full((len(self.t), SIZE), float(onset is None or onset < 0))
         force, others = (
             to((instants.t >= onset - 1e-9).astype(float))
             for to, instants in ((self.from_rows, self.rows), (self.from_mids, self.mids))

@@ -68,7 +68,11 @@ class Rotors:
             (e.time_constant for e in lags),
             default=0.0 if self._measured else self._vehicle.rotor_time_constant,
         )
-        return self._at_rows(thrust, kinks=lag > 0), self._mean(thrust)
+        at_rows = thrust[self._row]
+        if lag > 0:  # a kink at a row: extrapolated from before
+            steps = enumerate(FROM_MEANS, start=1)
+            at_rows = sum(c * thrust[np.maximum(self._row - k, 0)] for k, c in steps)
+        return at_rows, self._mean(thrust)
 
     def _own(self, others: Sequence[MotorLag]) -> list[ActuatorEffect]:
         """Return the effects of the vehicle file that thrust has yet to pass: its lag, unless there
@@ -88,16 +92,13 @@ class Rotors:
     @cached_property
     def _nominal(self) -> np.ndarray:
         """(m, 4) thrust of the vehicle as its file describes it, at substeps [N]."""
-        return self._respond(self._commanded, self._own([]))
-
-    def _at_rows(self, thrust: np.ndarray, *, kinks: bool) -> np.ndarray:
-        """Return thrust (n, 4) at the rows [N], extrapolated from before where it has a kink at a
-        row.
-        """
-        row = self._row
-        if not kinks:
-            return thrust[row]
-        return sum(c * thrust[np.maximum(row - k, 0)] for k, c in enumerate(FROM_MEANS, start=1))
+        if self._steps or not self._measured:
+            asked = self._held(0.0)
+        else:
+            asked = np.stack(
+                [np.interp(self._t, self._row_t, rotor) for rotor in self._read[0].T], axis=1
+            )
+        return self._respond(asked, self._own([]))
 
     def _mean(self, thrust: np.ndarray) -> np.ndarray:
         """Return the mean thrust (n-1, 4) between rows [N]."""
@@ -121,16 +122,32 @@ class Rotors:
 
     @cached_property
     def _read(self) -> tuple[np.ndarray, np.ndarray]:
-        return _read_thrust(self._log, self._vehicle)
+        """Rotor thrust (n, 4) at the rows [N] and the deviation (4,) of noise in thrust and
+        torques [N, N·m].
 
-    @cached_property
-    def _commanded(self) -> np.ndarray:
-        """(m, 4) commanded or measured thrust at substeps [N]."""
-        if self._steps or not self._measured:
-            return self._held(0.0)
-        return np.stack(
-            [np.interp(self._t, self._row_t, rotor) for rotor in self._read[0].T], axis=1
-        )
+        Thrust and torques are filtered, as each has a spectrum of its own. Where the measured
+        motion responds to the apparent noise, the readings are unfiltered, with zero noise.
+        """
+        log, vehicle = self._log, self._vehicle
+        noise = white_noise(_measured_pieces(log))
+        likely = most_likely(log.u, noise, log.step)
+        # A lower bound on the share of fast thrust and torque (n, 4) to which the motion responds
+        # [1].
+        fast = log.u - likely
+        given = 0.5 * (fast[1:] + fast[:-1])
+        answer = np.zeros_like(given)
+        answer[:, 1:] = np.diff(log.w, axis=0) / np.diff(log.t)[:, None] @ vehicle.J.T
+        if log.a is not None:
+            force = vehicle.mass * attitude.rotate_back(log.q, log.a)[:, 2]
+            answer[:, 0] = 0.5 * (force[1:] + force[:-1])
+        rough = np.mean(np.diff(answer, axis=0) ** 2, axis=0) / 3
+        weight = np.divide(1.0, rough, out=np.zeros(4), where=rough > 0)
+        known = max(float(np.sum(weight * given**2)), 1e-300)
+        if (
+            float(np.sum(weight * given * answer)) / known - SURE_DEVIATIONS / np.sqrt(known)
+        ) > ANSWERED:
+            return log.u @ vehicle.unmixer.T, np.zeros(4)
+        return likely @ vehicle.unmixer.T, noise
 
     def _held(self, shift: float) -> np.ndarray:
         """Return the mean (m, 4) over substeps of a command that is held between rows and beyond
@@ -145,34 +162,6 @@ class Rotors:
         edges = np.append(self._t, self._t[-1] + self._step) - shift
         at = np.stack([np.interp(edges, knots, rotor) for rotor in total.T], axis=1)
         return np.diff(at, axis=0) / self._step
-
-
-def _read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
-    """Return rotor thrust (n, 4) at the rows [N] and the deviation (4,) of noise in thrust and
-    torques [N, N·m].
-
-    Thrust and torques are filtered, as each has a spectrum of its own. Where the measured motion
-    responds to the apparent noise, the readings are returned unfiltered, with zero noise.
-    """
-    noise = white_noise(_measured_pieces(log))
-    likely = most_likely(log.u, noise, log.step)
-    # A lower bound on the share of fast thrust and torque (n, 4) to which the motion responds
-    # [1].
-    fast = log.u - likely
-    given = 0.5 * (fast[1:] + fast[:-1])
-    answer = np.zeros_like(given)
-    answer[:, 1:] = np.diff(log.w, axis=0) / np.diff(log.t)[:, None] @ vehicle.J.T
-    if log.a is not None:
-        force = vehicle.mass * attitude.rotate_back(log.q, log.a)[:, 2]
-        answer[:, 0] = 0.5 * (force[1:] + force[:-1])
-    rough = np.mean(np.diff(answer, axis=0) ** 2, axis=0) / 3
-    weight = np.divide(1.0, rough, out=np.zeros(4), where=rough > 0)
-    known = max(float(np.sum(weight * given**2)), 1e-300)
-    if (
-        float(np.sum(weight * given * answer)) / known - SURE_DEVIATIONS / np.sqrt(known)
-    ) > ANSWERED:
-        return log.u @ vehicle.unmixer.T, np.zeros(4)
-    return likely @ vehicle.unmixer.T, noise
 
 
 def _measured_pieces(log: FlightLog) -> list[np.ndarray]:

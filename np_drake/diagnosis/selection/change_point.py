@@ -6,26 +6,23 @@ Onsets are scanned by suffix sums of Gram matrices.
 import copy
 import dataclasses as dc
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.regressors import (
-    AT_REST,
-    DRAG,
     PAYLOAD,
     Candidate,
     RegressionProblem,
     Sums,
     SwitchedRegressors,
-    SwitchedSums,
     hidden_from,
     switched,
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import LEAST_DURATION
-from np_drake.diagnosis.selection.payload_search import PayloadSearch
+from np_drake.diagnosis.selection.payload_search import AT_REST, PayloadSearch
 from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
@@ -40,18 +37,25 @@ class TriedOnsets:
     """Sums of a candidate at the tried instants of one flight, in order.
 
     Args:
-        edge: time from either end without onsets [s].
+        X: (m', 15, k) columns of the candidate.
+        inside: rows that may be onsets.
+        goes_on: whether the effect may be absent, as the flight goes on or was before.
     """
 
-    def __init__(self, late: SwitchedSums, edge: float, *, goes_on: bool):
-        self._late = late
-        self.ends = late.whole.rows([0, -1])  # from the start, and never
+    def __init__(
+        self, flight: SwitchedRegressors, X: np.ndarray, inside: np.ndarray, *, goes_on: bool
+    ):
+        self._flight, self._X, self._whole = flight, X, flight.whole(X)
+        self.ends = self._whole.rows([0, -1])  # from the start, and never
         self.start, self.never = self.ends.rows([0]), self.ends.rows([1])
         self.now = self.start
         self.onset: float | None = None
-        self.inside, self.goes_on = possible_onsets(late.t, edge), goes_on
+        self.inside, self.goes_on = inside, goes_on
         self.rows = self.inside[::COARSE]
-        self.sums = late.begun(self.rows)
+        self.sums = self._begun(self.rows)
+
+    def _begun(self, rows: np.ndarray) -> Sums:
+        return self._flight.begun(self._X, self._whole, rows)
 
     def finer(self, profile: np.ndarray) -> np.ndarray:
         """Return untried rows about the best of the profile (n,)."""
@@ -64,7 +68,7 @@ class TriedOnsets:
         """Add the sums at these rows."""
         order = np.argsort(np.concatenate([self.rows, rows]))
         self.rows = np.concatenate([self.rows, rows])[order]
-        self.sums = self.sums.joined(self._late.begun(rows), order)
+        self.sums = self.sums.joined(self._begun(rows), order)
 
     def most_likely(self, profile: np.ndarray) -> int:
         """Return the row in the middle of the span of `SPAN` that most likely holds the onset.
@@ -73,7 +77,7 @@ class TriedOnsets:
         """
         dense = np.interp(self.inside, self.rows, profile)
         weight = np.exp(dense - dense.max())
-        step = self._late.t[1] - self._late.t[0]
+        step = self._flight.t[1] - self._flight.t[0]
         width = max(1, round(SPAN / step))
         mass = (
             np.convolve(weight, np.ones(width), "valid")
@@ -94,19 +98,7 @@ class TriedOnsets:
         if row is None:
             self.now, self.onset = self.start, None
         else:
-            tried = np.flatnonzero(self.rows == row)
-            self.now = self.sums.rows(tried) if len(tried) else self._late.begun(np.array([row]))
-            self.onset = float(self._late.t[row])
-
-
-def possible_onsets(t: np.ndarray, edge: float = EDGE) -> np.ndarray:
-    """Return rows that may be onsets.
-
-    Args:
-        t: (m,) times of whitened rows [s].
-        edge: time from either end without onsets [s].
-    """
-    return np.flatnonzero((t > t[0] + edge) & (t < t[-1] - edge))
+            self.now, self.onset = self._begun(np.array([row])), float(self._flight.t[row])
 
 
 @dc.dataclass(frozen=True)
@@ -129,21 +121,22 @@ class OnsetScan:
     """Log evidence of a candidate from any instant on, beside nuisance and members of a model."""
 
     def __init__(self, problem: RegressionProblem, members: Sequence[int] = ()):
+        self.problem, self.members = problem, members
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
-        scale = problem.temperature**-0.5
-        self._options = problem.options
+        scale, size = problem.temperature**-0.5, sum(c.size for c in chosen)
+        self._products = np.zeros((size + 1, size + 1))
         # Either side of what begins is then as long as a flight that can be diagnosed.
-        self._edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
+        edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
         self._go_on = {e.name for e in problem.flights if e.goes_on or e.earlier}
         self._flights: dict[str, SwitchedRegressors] = {}
+        self._inside: dict[str, np.ndarray] = {}  # rows that may be onsets
         for e in problem.flights:
-            columns = [c.columns[e.name] for c in chosen] or [np.zeros((*e.y.shape, 0))]
+            columns = [np.zeros((*e.y.shape, 0)), *(c.columns[e.name] for c in chosen)]
             B = np.concatenate(columns, axis=-1)
-            self._flights[e.name] = SwitchedRegressors(e, problem.noise, e.y, B, scale)
-        size = B.shape[-1]
-        self._products = np.zeros((size + 1, size + 1))
-        for f in self._flights.values():
-            self._products[np.ix_(*[[*f.at, size]] * 2)] += f.products
+            flight = SwitchedRegressors(e, problem.noise, e.y, B, scale)
+            self._products[np.ix_(*[[*flight.at, size]] * 2)] += flight.products
+            late, early = flight.t > flight.t[0] + edge, flight.t < flight.t[-1] - edge
+            self._flights[e.name], self._inside[e.name] = flight, np.flatnonzero(late & early)
         self._owner = np.repeat([-1] * len(problem.nuisance) + [*members], [c.size for c in chosen])
         self._regress(np.arange(len(self._owner)))
 
@@ -163,19 +156,12 @@ class OnsetScan:
         fewer._regress(np.flatnonzero(np.isin(self._owner, [-1, *members])))
         return fewer
 
-    def sums(self, candidate: Candidate) -> dict[str, SwitchedSums]:
-        """Return the sums of a candidate's columns by flight, for `best` and `rough_evidence`."""
-        return {name: SwitchedSums(f, candidate.columns[name]) for name, f in self._flights.items()}
-
-    def rough_evidence(self, late: Mapping[str, SwitchedSums]) -> float:
-        """Return the log evidence of a candidate (its `sums`) at its best onsets, jumps of its
-        columns apart.
-        """
-        whole = {name: sums.whole for name, sums in late.items()}
+    def rough_evidence(self, candidate: Candidate) -> float:
+        """Return the log evidence of a candidate at its best onsets, jumps of its columns apart."""
+        whole = {name: f.whole(candidate.columns[name]) for name, f in self._flights.items()}
         start = {name: sums.rows([0]) for name, sums in whole.items()}
         at = dict(start)
-        for name, f in self._flights.items():
-            rows = possible_onsets(f.t, self._edge)
+        for name, rows in self._inside.items():
             profile = self._evidence(whole[name].rows(rows), [at[n] for n in at if n != name])
             now = self._evidence(start[name], [at[n] for n in at if n != name])[0]
             if len(rows) and profile.max() > now:
@@ -183,16 +169,16 @@ class OnsetScan:
         first, *rest = at.values()
         return float(self._evidence(first, rest)[0])
 
-    def best(
-        self, candidate: Candidate, sums: Mapping[str, SwitchedSums] | None = None
-    ) -> "Onsets":
-        """Return the onsets at which the candidate, with its `sums`, explains the flights best.
+    def best(self, candidate: Candidate) -> Onsets:
+        """Return the onsets at which the candidate explains the flights best.
 
         The prior is that of an instant as wide as the evidence leaves it: an onset that is known to
         a row has one in all rows, one that is known to half a flight has one half.
         """
-        late = sums or self.sums(candidate)
-        scans = {n: TriedOnsets(of, self._edge, goes_on=n in self._go_on) for n, of in late.items()}
+        scans = {
+            n: TriedOnsets(f, candidate.columns[n], self._inside[n], goes_on=n in self._go_on)
+            for n, f in self._flights.items()
+        }
         found = [self._climbed(scans)]
         # A climb begins where the effect would begin with parameters of each flight's own, no prior
         # asked. Flights that start from its beginning in all others may never leave it: a drift
@@ -205,11 +191,11 @@ class OnsetScan:
             found.append(self._climbed(scans))
         return max(found, key=lambda f: f.evidence + f.prior)
 
-    def _climbed(self, scans: dict[str, TriedOnsets]) -> "Onsets":
+    def _climbed(self, scans: dict[str, TriedOnsets]) -> Onsets:
         """Return the onsets from where they are settled, flight by flight, the others as they
         are.
         """
-        widths, prior = dict[str, float](), self._options.priors.onset
+        widths, prior = dict[str, float](), self.problem.options.priors.onset
         for _ in range(2):
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
@@ -279,11 +265,12 @@ MOST_COLUMNS = 8  # of a candidate that is scanned
 VARIANTS = 2  # of an effect that are scanned
 
 
-def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ()) -> list[Candidate]:
+def switched_candidates(scan: OnsetScan) -> list[Candidate]:
     """Return for every effect that gains by an onset the candidate from its best onsets on.
 
-    Every effect is tried alone, and beside those members that are another effect.
+    Every effect is tried alone, and beside those members of the scan that are another effect.
     """
+    problem, members = scan.problem, scan.members
     variants: dict[tuple[str, ...], list[Candidate]] = {}  # of effects that may begin in flight
     for c in problem.candidates:
         effects = [effect_of(name) for name in c.identifiers]
@@ -291,14 +278,11 @@ def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ())
         if c.size <= MOST_COLUMNS and not c.onset and sudden and all(f.begins for f in effects):
             variants.setdefault(c.identifiers, []).append(c)
     found: dict[tuple, Candidate] = {}
-    whole = OnsetScan(problem, members)
     for own, same in variants.items():
         others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
-        tried = [(c, whole.sums(c)) for c in same]
-        for scan in map(whole.given, dict.fromkeys([(), others])):
-            ranked = sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))
-            for candidate, sums in ranked[-VARIANTS:]:
-                at = scan.best(candidate, sums)
+        for beside in map(scan.given, dict.fromkeys([(), others])):
+            for candidate in sorted(same, key=beside.rough_evidence)[-VARIANTS:]:
+                at = beside.best(candidate)
                 if at.onset:
                     late = switched(candidate, problem.flights, at.onset)
                     key = (late.identifiers, late.variant, tuple(sorted(at.onset.items())))
@@ -306,16 +290,17 @@ def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ())
     return list(found.values())
 
 
-def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Candidate]:
+def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
     """Return payloads that begin where a weight does, as a payload at rest, a mass or a thrust
-    shows it.
+    shows it beside nuisance alone.
 
     A payload from the start that swings as it likes may explain more than such a weight; which is
     there is told later.
     """
+    problem, scan = scan.problem, scan.given(())
     if PAYLOAD in hidden_from(problem.flights):
         return []
-    weights, scan, options = list[Candidate](), OnsetScan(problem), problem.options
+    weights, options = list[Candidate](), problem.options
     noise, nuisance = problem.noise, problem.nuisance
     for c in (c for c in problem.candidates if not c.onset):
         if c.identifiers == (PAYLOAD,) and not any(PAYLOAD in w.identifiers for w in weights):
@@ -357,22 +342,18 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
     earlier flights is what is asked, and costs no prior.
     """
     found, flights = list[Candidate](), problem.flights
-    plain = [
-        c for c in problem.candidates if not (c.onset or c.generic) and len(c.identifiers) == 1
-    ]
-    effects = [LIBRARY.get(c.identifiers[0]) for c in plain]
-    begin = [bool(f and f.begins and not f.has_hidden_state) for f in effects]
+    plain = [c for c in problem.candidates if len(c.identifiers) == 1 and not c.onset]
+    known = [(c, LIBRARY[c.identifiers[0]]) for c in plain if c.identifiers[0] in LIBRARY]
+    begin = [c for c, effect in known if effect.begins and not effect.has_hidden_state]
     earlier = [e.name for e in flights if e.earlier]
     for names in ([e.name for e in flights if not e.goes_on], earlier):
         if not names or len(names) == len(flights):
             continue
         lacking: dict[str, float | None] = dict.fromkeys(names, NEVER)
         late = [
-            switched(c, flights, lacking)
-            for c, yes in zip(plain, begin, strict=True)
-            if yes and not (names == earlier and _unchanged(c))
+            switched(c, flights, lacking) for c in begin if not (names == earlier and _unchanged(c))
         ]
-        late += wind_candidates(flights, [c for c in plain if c.identifiers == (DRAG,)], lacking)
+        late += wind_candidates(flights, begin, lacking)
         prior = problem.options.priors.onset * len(lacking) if names != earlier else 0.0
         found += [dc.replace(c, onset_prior=prior) for c in late]
     return found

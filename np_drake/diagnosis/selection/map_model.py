@@ -1,6 +1,8 @@
-"""Search for the MAP model: search and fit, repeated with the noise that the fit leaves.
+"""Search for the MAP model, and its ranking among its rivals.
 
-Outliers, nuisance and the noise if all candidates help are settled before (`condition`).
+Outliers, nuisance and the noise if all candidates help are settled first (`condition`); then search
+and fit are repeated with the noise that the fit leaves (`find_map_model`); then the best model and
+its rivals are refined in all their parameters (`rank_models`).
 """
 
 import dataclasses as dc
@@ -8,12 +10,20 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 import numpy as np
+from scipy import special
 
 from np_drake.diagnosis.calibration import calibrated_alone, nuisance_of
-from np_drake.diagnosis.fitting import Fit, first_fit, refit
-from np_drake.diagnosis.forward_model import NEVER
-from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only, with_loudness
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.fitting import Fit, first_fit, greatest_height, impossible, refit, restart
+from np_drake.diagnosis.forward_model import NEVER, predicted_residual
+from np_drake.diagnosis.numerics import (
+    NoiseModel,
+    fit_noise,
+    no_worse,
+    places,
+    scale_only,
+    with_loudness,
+)
+from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
     Candidate,
@@ -22,17 +32,20 @@ from np_drake.diagnosis.regressors import (
     hidden_from,
     library_candidates,
     options_of,
+    prior_of,
     switched,
     wind_candidates,
     with_input,
 )
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_outliers
 from np_drake.diagnosis.selection.change_point import (
+    OnsetScan,
     late_payloads,
     new_conditions,
     switched_candidates,
 )
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
+from np_drake.effects.library import effect_of
 
 
 def condition(
@@ -62,7 +75,7 @@ def condition(
     # 1. Outliers, by what is left of the channels under white weights.
     white = scale_only([e.y for e in flights], step)
     sought = problem(white, candidates, options.priors.temperature)
-    everything = [*candidates, *switched_candidates(sought), *new_conditions(sought)]
+    everything = [*candidates, *switched_candidates(OnsetScan(sought)), *new_conditions(sought)]
     residual = _residuals_of_all_effects(problem(white, everything))
     flights = [
         dc.replace(e, outliers=e.outliers | find_outliers(r, step))
@@ -146,11 +159,10 @@ def _residuals_of_all_effects(problem: RegressionProblem) -> list[np.ndarray]:
     chosen = _best_variants(problem)
     mean, _ = problem.total.posterior(problem.columns(chosen))
     columns = [*problem.nuisance, *(problem.candidates[i] for i in chosen)]
-    parts = np.split(mean, np.cumsum([c.size for c in columns])[:-1])
-    explained = ((e, zip(columns, parts, strict=True)) for e in problem.flights)
+    parts = list(zip(columns, places(c.size for c in columns), strict=True))
     return [
-        e.known(e.bridged(e.y - sum(c.columns[e.name] @ part for c, part in own)))
-        for e, own in explained
+        e.known(e.bridged(e.y - sum(c.columns[e.name] @ mean[own] for c, own in parts)))
+        for e in problem.flights
     ]
 
 
@@ -160,20 +172,27 @@ MOST_EFFECTS = 8  # in a model
 
 
 @dc.dataclass(frozen=True)
-class SearchResult:
-    """All models met, best first, the best of them fitted, and its noise; no rival is fitted
-    yet.
+class Ranking:
+    """Fitted models, best first, with the noise, all models met, best first, and the probability of
+    every effect, which is known once the best is ranked among its rivals.
     """
 
-    problem: RegressionProblem
-    models: list[Model]
-    best: Fit
+    fits: tuple[Fit, ...]
     noise: NoiseModel
+    problem: RegressionProblem
+    models: tuple[Model, ...]
+    options: Options
+    probability: dict[str, float] = dc.field(default_factory=dict)
+
+    @property
+    def best(self) -> Fit:
+        """The most probable model."""
+        return self.fits[0]
 
 
 def find_map_model(
     flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
-) -> SearchResult:
+) -> Ranking:
     """Return the best model of these training flights, searched and fitted twice: once more with
     the noise that the fit leaves.
 
@@ -196,8 +215,9 @@ def find_map_model(
             options=options,
         )
         members = [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
-        late = switched_candidates(problem, members)
-        hung = late_payloads(problem, late) if first else []
+        scan = OnsetScan(problem, members)
+        late = switched_candidates(scan)
+        hung = late_payloads(scan, late) if first else []
         candidates += hung
         if more := [*hung, *late, *new_conditions(problem)]:
             problem = problem.extended(more)
@@ -209,7 +229,7 @@ def find_map_model(
         noise = noise_of(of.flights, left, channels, options, priors.linear_error)
     assert best is not None
     exact = noise_of(of.flights, left, channels, options)
-    return SearchResult(problem, models, best, exact)
+    return Ranking((best,), exact, problem, tuple(models), options)
 
 
 def search(problem: RegressionProblem) -> list[Model]:
@@ -255,3 +275,108 @@ def search(problem: RegressionProblem) -> list[Model]:
             break
         current = candidate
     return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1]) if s > -np.inf]
+
+
+REFINED = 3  # models refined, with these less their negligible effects
+RANKING_MARGIN = 12.0  # log evidence below the best at which a model is not refined
+NEGLIGIBLE = (
+    0.1  # whitened size over that of all, below which a model is tried without an effect [1]
+)
+
+
+def rank_models(found: Ranking) -> Ranking:
+    """Return the best model ranked among its rivals, each refined: those that come close to it, and
+    the best without its faint effects.
+    """
+    problem, noise, priors = found.problem, found.noise, found.problem.options.priors
+    least = found.models[0].score - RANKING_MARGIN
+    close = [m for m in _distinct(problem, found.models) if m.score > least]
+    refined = {m: refit(problem, m, found.best, noise) for m in close[:REFINED]}
+    first = max(refined, key=lambda m: score_of(refined[m], priors))
+    best = refined[first] = restart(problem, first, refined[first], noise)
+    for m in drop_negligible(problem, first, best):
+        if m not in refined:
+            names = names_of(problem, m)
+            kept = tuple(t for t in best.terms if t.effect.identifier in names)
+            refined[m] = refit(problem, m, dc.replace(best, terms=kept), noise)
+    models = [*found.models, *(m for m in refined if m not in found.models)]
+    vehicle, height = problem.flights[0].vehicle, greatest_height(problem.flights)
+    possible = [
+        fit
+        for fit in refined.values()
+        if not any(impossible(fit, i, vehicle, height) for i in range(len(fit.terms)))
+    ]
+    fits = sorted(possible or refined.values(), key=lambda f: -score_of(f, priors))
+    return dc.replace(
+        found,
+        fits=tuple(fits),
+        models=tuple(models),
+        probability=probabilities(problem, models, fits),
+    )
+
+
+def probabilities(
+    problem: RegressionProblem, models: Sequence[Model], fits: Sequence[Fit]
+) -> dict[str, float]:
+    """Return for every effect the share of evidence of the models that hold it [1]."""
+    priors = problem.options.priors
+    scored = sorted((score_of(f, priors), k) for k, f in enumerate(fits))
+    refined = {names_of_fit(fits[k]): score for score, k in scored}
+    linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
+    shift = scored[-1][0] - max((linear[n] for n in refined if n in linear), default=scored[-1][0])
+    scores = {n: s + min(shift, 0.0) for n, s in linear.items()} | refined
+    weight = dict(zip(scores, special.softmax(list(scores.values())), strict=True))
+    names = {name for n in weight for name in n}
+    return {name: float(sum(w for n, w in weight.items() if name in n)) for name in names}
+
+
+def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
+    """Return the model without its faint effects, all and each.
+
+    Faint is an effect whose whitened predicted residual is less than the share `NEGLIGIBLE` of that
+    of all: what linear columns get wrong. And one that shifts commands against states beside
+    another that shifts them more: these are tried a third apart, and all of them, as a lag that is
+    shorter than the vehicle file's and a delay may stand for that lag.
+    """
+    flights, every = problem.flights, fit.everything
+
+    def trace(names: Sequence[str]) -> float:
+        """Return the whitened size of what these effects leave in the flights."""
+        rest = [t for t in every if t.effect.identifier not in names]
+        left = [predicted_residual(e, every) - predicted_residual(e, rest) for e in flights]
+        white = [e.white(problem.noise, part) for e, part in zip(flights, left, strict=True)]
+        return float(np.sqrt(sum(np.sum(w**2) for w in white)))
+
+    effects = {i: problem.candidates[i].identifiers for i in model.members}
+    own = {i: trace(names) for i, names in effects.items()}
+    whole = trace([t.effect.identifier for t in every])
+    shifting = [i for i, names in effects.items() if effect_of(names[0]).shifts_commands]
+    lesser = sorted(shifting, key=lambda i: own[i])[:-1]
+    faint = [i for i in model.members if own[i] < NEGLIGIBLE * whole or i in lesser]
+    together = [tuple(faint), tuple(shifting if lesser else [])]
+    dropped = dict.fromkeys([*together, *((i,) for i in faint)])
+    kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
+    return [Model(members, problem.score(members)) for members in kept if members]
+
+
+def score_of(fit: Fit, priors: Priors) -> float:
+    """Return the log evidence with priors of effects and onsets."""
+    return fit.log_evidence + prior_of(names_of_fit(fit), priors) + fit.onset_prior
+
+
+def _distinct(problem: RegressionProblem, models: Sequence[Model]) -> list[Model]:
+    """The best variant of each set of effects."""
+    kept: dict[tuple[str, ...], Model] = {}
+    for m in models:
+        kept.setdefault(names_of(problem, m), m)
+    return list(kept.values())
+
+
+def names_of(problem: RegressionProblem, model: Model) -> tuple[str, ...]:
+    """Return the identifiers of a model, sorted."""
+    return tuple(sorted(name for i in model.members for name in problem.candidates[i].identifiers))
+
+
+def names_of_fit(fit: Fit) -> tuple[str, ...]:
+    """Return the identifiers of a fit, sorted."""
+    return tuple(sorted(t.effect.identifier for t in fit.terms))

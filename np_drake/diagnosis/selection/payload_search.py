@@ -1,10 +1,9 @@
-"""Payload candidates: a profile over lengths, then each followed to where it fits best.
+"""Payload candidates: a profile over lengths, then each guess followed to where it fits best.
 
 A swing drifts out of step with a tether of another length within a few periods, so that lengths
 must lie within 3 % of one another. And a wide swing is slower than a narrow one: columns that are
 linear about rest lose its phase within some seconds. Guesses from the first seconds alone, followed
-through ever longer flights (Gauss-Newton beside the
-columns of everything else), keep it.
+through ever longer flights (Gauss-Newton beside the columns of everything else), keep it.
 Source: progressive horizons, as in multiple shooting; own choice of both.
 """
 
@@ -13,48 +12,209 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, special
 
 from np_drake.diagnosis.fitting import greatest_height
-from np_drake.diagnosis.forward_model import NEVER, jumps
-from np_drake.diagnosis.numerics import Gram, NoiseModel
-from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import (
-    AT_REST,
-    PAYLOAD,
-    SHAPE,
-    Candidate,
-    Guess,
-    Onset,
-    PayloadColumns,
-    heavy_enough,
-    payload_about,
-    payloads_of,
+from np_drake.diagnosis.forward_model import (
+    NEVER,
+    STATE,
+    Term,
+    hidden_size,
+    jumps,
+    padded,
+    swing_units,
+    swing_wrenches,
 )
-from np_drake.diagnosis.regressors.payload import LONGEST_TETHER, SEARCH_LENGTHS
-from np_drake.diagnosis.residuals import FlightResiduals, bridge
+from np_drake.diagnosis.numerics import Gram, NoiseModel, places
+from np_drake.diagnosis.options import Options, Priors
+from np_drake.diagnosis.regressors import PAYLOAD, Candidate, Onset
+from np_drake.diagnosis.regressors.library import Mended
+from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, bridge
+from np_drake.diagnosis.swing_fit import SMALL, WIDEST
+from np_drake.effects import SuspendedPayload
 from np_drake.effects.library import LIBRARY
+
+LONGEST_TETHER, SHORTEST_TETHER = 30.0, 0.1  # that a guess may have [m]
+SEARCH_LENGTHS = (
+    0.15,
+    2.5,
+    96,
+)  # of tethers in the search, at least: shortest, longest [m], number: 3 % apart
+MOST_DAMPING = 1.0  # that a guess may have [1/s]
+LEAST_MASS_DEVIATIONS = 2.0  # least mass over its posterior deviation [1]; own choice
+LIGHTEST = 0.02  # least mass, as a share of `unit`, by which products with the mass are divided [1]
+AT_REST = 4  # number of columns for mass and hook, which come first
+SHAPE = 2  # number of columns for length and damping, which come next where they are free
+
+
+@dc.dataclass(frozen=True)
+class PayloadColumns:
+    """Payload columns with prior N(0, 1), by flight, without those that are zero there (the swings
+    of other flights).
+
+    The order over all flights is mass, hook (3), length and damping (if `shaped`), and the swings
+    of one flight after the other.
+
+    Args:
+        guess: payload about which columns are linear; its mass is that of a coefficient of one.
+        own: by flight, (m, 6, k') force and torque: at rest, length, damping, and the swing there.
+        rate: natural rate [1/s].
+    """
+
+    guess: Term
+    own: dict[str, np.ndarray]
+    rate: float
+    priors: Priors
+    shaped: bool = False
+
+    @property
+    def first(self) -> int:
+        """Number of columns before those of swings."""
+        return AT_REST + SHAPE * self.shaped
+
+    @property
+    def swings(self) -> dict[str, slice]:
+        """Columns of each flight's swing."""
+        sizes = (X.shape[-1] - self.first for X in self.own.values())
+        return dict(zip(self.own, places(sizes, self.first), strict=True))
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return self.first + sum(X.shape[-1] - self.first for X in self.own.values())
+
+    def at(self, flight: str) -> np.ndarray:
+        """Return the positions (k',) of a flight's columns among all."""
+        return np.r_[: self.first, self.swings[flight]]
+
+    @property
+    def log_prior(self) -> float:
+        """Log prior of swings and damping of the guess; deviations from the guess have their own
+        prior.
+        """
+        away = [self.guess.effect.values["damping"] / self.priors.damping]
+        for name, X in self.own.items():
+            units = swing_units(X.shape[-1] - self.first, self.rate)
+            swing = padded(self.guess.hidden.get(name), len(units))
+            away += (swing / units / self.priors.swing).tolist()
+        return -0.5 * float(np.sum(np.square(away)))
+
+    def moved(self, c: np.ndarray) -> Term:
+        """Return the payload for which coefficients (k,) stand.
+
+        The coefficients of length, hook, damping and swing are products with the mass.
+        """
+        known, share = self.guess.effect.values, max(c[0], LIGHTEST)
+        stretch, brake = c[AT_REST : self.first] / share if self.shaped else np.zeros(SHAPE)
+        length = known["length"] * (1 + np.clip(stretch * self.priors.length, -0.2, 0.2))
+        values = {
+            "mass": share * known["mass"],
+            "length": float(np.clip(length, SHORTEST_TETHER, LONGEST_TETHER)),
+            "damping": float(
+                np.clip(known["damping"] + brake * self.priors.damping, 0.0, MOST_DAMPING)
+            ),
+        }
+        for axis, away in zip("xyz", c[1:AT_REST] / share * self.priors.hook, strict=True):
+            values[f"hook_{axis}"] = float(np.clip(known[f"hook_{axis}"] + away, -0.5, 0.5))
+        swing = {}
+        for name, span in self.swings.items():
+            units = swing_units(span.stop - span.start, self.rate)
+            move = np.clip(c[span] / share, -4.0, 4.0) * self.priors.swing
+            before = padded(self.guess.hidden.get(name), len(units))
+            swing[name] = np.clip(before + move * units, -WIDEST * units, WIDEST * units)
+        return Term(SuspendedPayload.of(values), self.guess.onset, swing)
+
+    def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
+        """Return a candidate with columns for all channels, physical where mass is positive and
+        swings are small.
+        """
+
+        def physical(mean: np.ndarray, covariance: np.ndarray) -> Mended:
+            c, log_probability = heavy_enough(mean, covariance)
+            hangs = c[0] > 0.01 and np.all(np.abs(c[self.first :]) < 7.0 * c[0])
+            return c, log_probability if hangs else -math.inf
+
+        columns = {}
+        for e in flights:
+            columns[e.name] = np.zeros((*e.y.shape, self.size))
+            columns[e.name][:, WRENCH][..., self.at(e.name)] = self.own[e.name]
+        return Candidate(
+            (PAYLOAD,),
+            f"length={self.guess.effect.values['length']:.3g}",
+            columns,
+            lambda c: [self.moved(c)],
+            self.log_prior,
+            self.guess.onset,
+            physical,
+        )
+
+
+def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
+    """Return coefficients (k,) conditioned on a mass that is significantly positive, and its log
+    probability.
+
+    Hook and swing are known by their products with the mass: one that is too small makes them too
+    large.
+
+    Args:
+        mean: (k,) posterior mean, the mass first, in units of the prior's deviations.
+        covariance: (k, k) posterior covariance in these units.
+    Source: conditioning of the posterior; `LEAST_MASS_DEVIATIONS` is own choice.
+    """
+    deviation = math.sqrt(covariance[0, 0])
+    log_probability = float(special.log_ndtr(mean[0] / deviation))
+    if mean[0] >= LEAST_MASS_DEVIATIONS * deviation:
+        return mean, log_probability
+    more = covariance[:, 0] / covariance[0, 0] * (LEAST_MASS_DEVIATIONS * deviation - mean[0])
+    return mean + more, log_probability
+
+
+def payload_of(length: float, onset: Onset | None = None) -> Term:
+    """Return a payload at rest on a tether of this length [m] from Bo, without damping."""
+    return Term(SuspendedPayload(1.0, length, 0.0, 0.0, 0.0), onset or {})
+
+
+def payload_about(
+    flights: Sequence[FlightResiduals], guess: Term, priors: Priors, *, shaped: bool = True
+) -> PayloadColumns:
+    """Return payload columns linearised about a guess, whatever its mass.
+
+    Args:
+        shaped: whether length, damping and jumps at outliers are free as well.
+    """
+    values = {**guess.effect.values, "mass": priors.payload_mass * flights[0].vehicle.mass}
+    guess = dc.replace(guess, effect=SuspendedPayload.of(values))
+    shapes, widths = list[Term](), list[float]()
+    if shaped:
+        longer, braked = values["length"] * (1 + SMALL), values["damping"] + SMALL
+        for change in ({"length": longer}, {"damping": braked}):
+            shapes.append(dc.replace(guess, effect=SuspendedPayload.of({**values, **change})))
+        widths = [priors.length, priors.damping]
+    rate, own = math.sqrt(flights[0].vehicle.gravity / values["length"]), {}
+    for e in flights:
+        size = hidden_size(e, guess.begins(e.name)) if shaped else STATE
+        swing = padded(guess.hidden.get(e.name), size)
+        moves = SMALL * np.diag(swing_units(size, rate))
+        swung = [dc.replace(guess, hidden={e.name: swing + move}) for move in moves]
+        wrench = swing_wrenches(e, [guess, *shapes, *swung])
+        rest, moved = wrench[:, :1], wrench[:, 1:]
+        X = np.zeros((len(wrench), AT_REST + moved.shape[1], 6))
+        X[:, :1] = rest
+        # A hook acts on the torque alone, to first order.
+        X[:, 1:AT_REST, TORQUE] = np.cross(priors.hook * np.eye(3), rest[..., FORCE])
+        scale = np.array([*widths, *[priors.swing] * size]) / SMALL
+        X[:, AT_REST:] = (moved - rest) * scale[:, None]
+        own[e.name] = np.swapaxes(X, 1, 2) * e.shown[:, None]
+    return PayloadColumns(guess, own, rate, priors, shaped)
+
 
 CHANNELS = 6  # force and torque alone see a payload
 HORIZONS = (5.0, 10.0, math.inf)  # over which a guess is followed, one after the other [s]
 AFTER_OUTLIER = 2.0  # a horizon of its own, for the swing that an outlier leaves [s]
 
 
-@dc.dataclass(frozen=True)
-class WhitenedPayload:
-    """Whitened columns of a payload, flight by flight, and its log prior.
-
-    columns: (rows x channels, k') by flight; at: (k',) their positions among all `size` of them.
-    """
-
-    columns: list[np.ndarray]
-    at: list[np.ndarray]
-    size: int
-    log_prior: float
-
-
 class OtherRegressors:
-    """The columns of others, whitened, with their Gram matrices up to each horizon.
+    """The columns of nuisance and others, whitened, with their Gram matrices up to each horizon.
 
     Args:
         onset: onsets of the payload by flight [s].
@@ -65,39 +225,35 @@ class OtherRegressors:
         self,
         flights: Sequence[FlightResiduals],
         noise: NoiseModel,
+        nuisance: Sequence[Candidate],
         others: Sequence[Candidate],
         onset: Onset | None,
         horizons: Sequence[float] = (),
     ):
         self._flights, self._noise, self._onset = list(flights), noise.head(CHANNELS), onset or {}
-        self.size = 0  # number of columns of the others
-        self._heads: dict[float, list[FlightResiduals]] = {}
+        self._nuisance, every = sum(c.size for c in nuisance), [*nuisance, *others]
+        self._size = sum(c.size for c in every)
         self._white = []
         for e in flights:
             y = e.y[:, :CHANNELS, None]
-            X = np.concatenate(
-                [y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in others)], axis=-1
-            )
+            own = [c.columns[e.name][: len(y), :CHANNELS] for c in every]
+            X = np.concatenate([y[..., :0], *own], axis=-1)
             acting = np.flatnonzero(X.any(axis=(0, 1)))
-            self.size = X.shape[-1]
             self._white.append((self._flat(e, X[..., acting]), self._flat(e, y)[:, 0], acting))
         self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_outliers()))})
+        self.heads = {h: [e.head(self._end(e, h)) for e in flights] for h in self.horizons}
         self._base = {horizon: self._factored(horizon) for horizon in self.horizons}
-
-    def heads(self, horizon: float) -> list[FlightResiduals]:
-        """Return the flights up to the horizon [s]."""
-        if horizon not in self._heads:
-            ends = [int(np.searchsorted(e.t, self._begin(e) + horizon)) for e in self._flights]
-            self._heads[horizon] = [e.head(end) for e, end in zip(self._flights, ends, strict=True)]
-        return self._heads[horizon]
 
     def _begin(self, e: FlightResiduals) -> float:
         return max(self._onset.get(e.name) or 0.0, e.t[0])
 
+    def _end(self, e: FlightResiduals, horizon: float) -> int:
+        """Rows of a flight until the horizon after the payload's begin."""
+        return int(np.searchsorted(e.t, self._begin(e) + horizon))
+
     def _rows(self, e: FlightResiduals, horizon: float) -> int:
-        """Whitened rows times channels until the horizon after the payload's begin."""
-        end = int(np.searchsorted(e.t, self._begin(e) + horizon))
-        return max(0, end - self._noise.phi.shape[1]) * CHANNELS
+        """Whitened rows times channels until the horizon."""
+        return max(0, self._end(e, horizon) - self._noise.phi.shape[1]) * CHANNELS
 
     def _after_outliers(self) -> list[float]:
         """Seconds after the payload's begin by which a jump shows, those that are close to one
@@ -112,7 +268,7 @@ class OtherRegressors:
         """Return the Cholesky factor L (n, n) of the Gram matrix of the others with its prior, and
         L^-1 of their products with y (n,).
         """
-        XX, Xy = np.eye(self.size), np.zeros(self.size)
+        XX, Xy = np.eye(self._size), np.zeros(self._size)
         for e, (X, y, acting) in zip(self._flights, self._white, strict=True):
             n = self._rows(e, horizon)
             XX[np.ix_(acting, acting)] += X[:n].T @ X[:n]
@@ -120,72 +276,53 @@ class OtherRegressors:
         factor = np.linalg.cholesky(XX)
         return factor, linalg.solve_triangular(factor, Xy, lower=True)
 
-    def white(self, payload: PayloadColumns) -> WhitenedPayload:
-        """Return the payload's columns whitened, of the flights or of `heads`."""
-        own = [self._flat(e, payload.own[e.name]) for e in self._flights]
-        at = [payload.at(e.name) for e in self._flights]
-        return WhitenedPayload(own, at, payload.size, payload.log_prior)
-
-    def gain(self, candidate: WhitenedPayload, horizon: float) -> tuple[float, np.ndarray]:
-        """Return the log evidence that the candidate adds, priors included, and its physical
+    def gain(
+        self, payload: PayloadColumns, horizon: float, *, alone: bool = False
+    ) -> tuple[float, np.ndarray]:
+        """Return the log evidence that a payload adds, priors included, and its physical
         coefficients.
 
         Args:
             horizon: up to which rows count, from the payload's begin on [s].
+            alone: beside nuisance alone.
         """
-        (products,) = self.products(candidate, [horizon])
-        gram = self.given(products, horizon)
-        mean, covariance = gram.posterior(np.arange(candidate.size))
-        mean, log_probability = heavy_enough(mean, covariance)
-        return gain_of(gram, candidate) + log_probability, mean
+        gram, every = self.grams(payload, horizon)[alone], np.arange(payload.size)
+        mean, log_probability = heavy_enough(*gram.posterior(every))
+        return gram.log_evidence(every) + payload.log_prior + log_probability, mean
 
-    def swing_alone(self, candidate: WhitenedPayload, horizon: float, mass: float) -> np.ndarray:
+    def swing_alone(
+        self, payload: PayloadColumns, horizon: float, mass: float, *, alone: bool = False
+    ) -> np.ndarray:
         """Return (k,) coefficients of a `shaped` payload with the mass given; hook, length and
         damping stay.
 
         Args:
             horizon: up to which rows count, from the payload's begin on [s].
+            alone: beside nuisance alone.
         """
-        (products,) = self.products(candidate, [horizon])
-        gram, first = self.given(products, horizon), AT_REST + SHAPE
+        gram, first = self.grams(payload, horizon)[alone], payload.first
         residual = Gram(gram.XX, gram.Xy - gram.XX[:, 0] * mass)
         fixed = np.concatenate([[mass], np.zeros(first - 1)])
-        return np.concatenate([fixed, residual.posterior(np.arange(first, candidate.size))[0]])
+        return np.concatenate([fixed, residual.posterior(np.arange(first, payload.size))[0]])
 
-    def products(
-        self, candidate: WhitenedPayload, horizons: Sequence[float]
-    ) -> list[tuple[np.ndarray, Gram]]:
-        """Return the products (k, n) of a candidate with the others, and its own Gram matrix, up to
-        these horizons [s], from one pass over the rows.
+    def grams(self, payload: PayloadColumns, horizon: float) -> list[Gram]:
+        """Return the Gram matrices of a payload, of the flights or of `heads`, up to a horizon [s]:
+        with nuisance and others in every model, and with nuisance alone.
         """
-        n, k = self.size, candidate.size
-        PX, PP, Py = np.zeros((k, n)), np.zeros((k, k)), np.zeros(k)
-        done = dict.fromkeys((e.name for e in self._flights), 0)
-        found = {}
-        for horizon in sorted(horizons):
-            for e, (X, y, acting), columns, some in zip(
-                self._flights, self._white, candidate.columns, candidate.at, strict=True
-            ):
-                rows = slice(done[e.name], self._rows(e, horizon))
-                P = columns[rows]
-                PX[np.ix_(some, acting)] += P.T @ X[rows]
-                PP[np.ix_(some, some)] += P.T @ P
-                Py[some] += P.T @ y[rows]
-                done[e.name] = rows.stop
-            found[horizon] = PX.copy(), Gram(PP.copy(), Py.copy())
-        return [found[horizon] for horizon in horizons]
-
-    def given(self, products: tuple[np.ndarray, Gram], horizon: float) -> Gram:
-        """Return the Gram matrix of a candidate, these others in every model.
-
-        Args:
-            products: of the candidate, with these others first.
-            horizon: up to which rows count [s].
-        """
-        PX, own = products
+        k = payload.size
+        PX, PP, Py = np.zeros((k, self._size)), np.zeros((k, k)), np.zeros(k)
+        for e, (X, y, acting) in zip(self._flights, self._white, strict=True):
+            rows, some = self._rows(e, horizon), payload.at(e.name)
+            P = self._flat(e, payload.own[e.name])[:rows]
+            PX[np.ix_(some, acting)] += P.T @ X[:rows]
+            PP[np.ix_(some, some)] += P.T @ P
+            Py[some] += P.T @ y[:rows]
         factor, b = self._base[horizon]
-        B = linalg.solve_triangular(factor, PX[:, : self.size].T, lower=True)
-        return Gram(own.XX - B.T @ B, own.Xy - B.T @ b)
+        # Nuisance comes first: its own factor and products are the first rows of those of all.
+        B = linalg.solve_triangular(factor, PX.T, lower=True)
+        return [
+            Gram(PP - B[:n].T @ B[:n], Py - B[:n].T @ b[:n]) for n in (self._size, self._nuisance)
+        ]
 
     def _flat(self, e: FlightResiduals, values: np.ndarray) -> np.ndarray:
         """Return (rows x channels, k) force and torque (m, 6, k), of the first m rows, whitened."""
@@ -193,17 +330,11 @@ class OtherRegressors:
         return white.reshape(len(white) * CHANNELS, values.shape[-1])
 
 
-def gain_of(gram: Gram, candidate: WhitenedPayload) -> float:
-    """Return the log evidence that a candidate adds, its Gram matrix given others."""
-    return gram.log_evidence(np.arange(candidate.size)) + candidate.log_prior
-
-
 KEPT = 3  # candidates of the search
 FOLLOWED = 2  # lengths followed from each profile
 LOST = -400.0  # log evidence below which a guess that is followed is given up
 DISTINCT = 12  # number of lengths that can be told apart, for the prior of one
 NEAR = 0.06  # relative difference below which lengths are the same [1]
-CHUNK = 12  # lengths whose columns are held at a time
 ENDS = (HORIZONS[0], HORIZONS[-1])
 SHARPENED = ((0.4, 0.05), (0.04, 0.01))  # about an onset: span to either side and step, in turn [s]
 MOVES = (
@@ -233,7 +364,7 @@ def search_lengths(flights: Sequence[FlightResiduals]) -> np.ndarray:
 
 
 class PayloadSearch:
-    """Payload candidates of some flights; columns of a few lengths are in memory at a time.
+    """Payload candidates of some flights.
 
     Args:
         onset: onsets of the payload by flight [s].
@@ -253,7 +384,7 @@ class PayloadSearch:
 
     def followed(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
-    ) -> list[tuple[Guess, Candidate]]:
+    ) -> list[tuple[Term, Candidate]]:
         """Return the `KEPT` best payloads of different lengths with their guesses.
 
         There are none where `others` explain as much.
@@ -264,86 +395,78 @@ class PayloadSearch:
         """
         if PAYLOAD not in LIBRARY:
             return []
-        everything = OtherRegressors(self._flights, noise, [*nuisance, *others], self._onset)
-        nuisance_only = OtherRegressors(self._flights, noise, nuisance, self._onset)
-        asked = [(b, h) for b in (everything, nuisance_only) for h in ENDS]
-        gains = self._profiles(everything, nuisance_only)
-        if max(g.max() for g in gains[: len(ENDS)]) < self._priors.onset_gain:
+        beside = OtherRegressors(self._flights, noise, nuisance, others, self._onset)
+        gains = self._profiles(beside)
+        if max(gains[False, horizon].max() for horizon in ENDS) < self._priors.onset_gain:
             return []
-        starts: dict[tuple[OtherRegressors, int, float], None] = {}
-        for (beside, horizon), profile in zip(asked, gains, strict=True):
+        starts: dict[tuple[bool, int, float], None] = {}
+        for (alone, horizon), profile in gains.items():
             peaks: list[int] = []  # by height, none next to a higher one
             for i in np.argsort(-profile).tolist():
                 if all(abs(i - k) > 1 for k in peaks):
                     peaks.append(i)
-            starts |= dict.fromkeys((beside, peaks[0], first) for first in (ENDS[0], horizon))
-            starts |= dict.fromkeys((beside, i, horizon) for i in peaks[1:FOLLOWED])
-        found = [
-            self._follow(beside, Guess(float(self.lengths[i])), first)
-            for beside, i, first in starts
-        ]
-        return self._distinct(everything, found)
+            starts |= dict.fromkeys((alone, peaks[0], first) for first in (ENDS[0], horizon))
+            starts |= dict.fromkeys((alone, i, horizon) for i in peaks[1:FOLLOWED])
+        every = [payload_of(length, self._onset) for length in self.lengths.tolist()]
+        found = [self._follow(beside, every[i], first, alone) for alone, i, first in starts]
+        return self._distinct(beside, found)
 
     def from_guesses(
-        self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Guess]
-    ) -> list[tuple[Guess, Candidate]]:
+        self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Term]
+    ) -> list[tuple[Term, Candidate]]:
         """Return payloads followed from guesses whose swing is not known."""
-        beside = OtherRegressors(self._flights, noise, nuisance, self._onset)
-        found = [self._follow(beside, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
-        return self._distinct(beside, found)
+        beside = OtherRegressors(self._flights, noise, nuisance, [], self._onset)
+        begun = [dc.replace(g, onset=self._onset or {}, hidden={}) for g in guesses]
+        return self._distinct(beside, [self._follow(beside, g, HORIZONS[0]) for g in begun])
 
     def _distinct(
         self, beside: OtherRegressors, found: Sequence[PayloadColumns | None]
-    ) -> list[tuple[Guess, Candidate]]:
+    ) -> list[tuple[Term, Candidate]]:
         """Return the best, of different lengths."""
-        kept: list[tuple[Guess, Candidate]] = []
-        scored = [(beside.gain(beside.white(p), math.inf)[0], p) for p in found if p is not None]
+        kept: list[tuple[Term, Candidate]] = []
+        scored = [(beside.gain(p, math.inf)[0], p) for p in found if p is not None]
+        prior, lengths = -math.log(len(self.lengths) / DISTINCT), list[float]()
         for _, payload in sorted(scored, key=lambda f: -f[0]):
-            guess = payload.guess
-            new = all(abs(math.log(guess.length / g.length)) > NEAR for g, _ in kept)
-            if new and len(kept) < KEPT:
-                candidate = payload.candidate(self._flights)
-                prior = -math.log(len(self.lengths) / DISTINCT)
-                kept.append((guess, dc.replace(candidate, log_prior=candidate.log_prior + prior)))
+            length = payload.guess.effect.values["length"]
+            if len(kept) < KEPT and all(abs(math.log(length / of)) > NEAR for of in lengths):
+                own = payload.candidate(self._flights)
+                kept.append((payload.guess, dc.replace(own, log_prior=own.log_prior + prior)))
+                lengths.append(length)
         return kept
 
-    def _profiles(
-        self, everything: OtherRegressors, nuisance_only: OtherRegressors
-    ) -> list[np.ndarray]:
-        """Return (lengths,) beside either, up to either of `ENDS`; nuisance comes first among all
-        columns.
+    def _profiles(self, beside: OtherRegressors) -> dict[tuple[bool, float], np.ndarray]:
+        """Return the gain at each length (lengths,), beside all or beside nuisance alone, up to
+        either of `ENDS`.
         """
-        gains = []
-        for start in range(0, len(self.lengths), CHUNK):
-            some_lengths = self.lengths[start : start + CHUNK]
-            for c in payloads_of(self._flights, some_lengths, self._priors, self._onset):
-                white = everything.white(c)
-                both = list(zip(everything.products(white, ENDS), ENDS, strict=True))
-                some = [
-                    gain_of(beside.given(products, horizon), white)
-                    for beside in (everything, nuisance_only)
-                    for products, horizon in both
-                ]
-                gains.append(some)
-        return list(np.transpose(gains))
+        gains: dict[tuple[bool, float], list[float]] = {
+            (a, h): [] for a in (False, True) for h in ENDS
+        }
+        for length in self.lengths.tolist():
+            guess = payload_of(length, self._onset)
+            payload = payload_about(self._flights, guess, self._priors, shaped=False)
+            for horizon in ENDS:
+                for alone, gram in zip((False, True), beside.grams(payload, horizon), strict=True):
+                    evidence = gram.log_evidence(np.arange(payload.size))
+                    gains[alone, horizon].append(evidence + payload.log_prior)
+        return {asked: np.array(profile) for asked, profile in gains.items()}
 
-    def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Guess) -> Onset:
+    def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Term) -> Onset:
         """Return sharpened onsets [s] of a payload like the guess, its swing free."""
-        found, like, priors = dict(self._onset or {}), dc.replace(guess, swing={}), self._priors
+        found, priors = dict(self._onset or {}), self._priors
 
         def best_about(e: FlightResiduals, near: float, span: float, step: float) -> float:
             """Return the best instant of one flight within `span` of `near` [s]."""
-            head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
-            begin: Onset = {e.name: near}
-            beside = OtherRegressors([head], noise, nuisance, begin, horizons=(AFTER_ONSET,))
+            head, horizon = [e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))], AFTER_ONSET
+            beside = OtherRegressors(head, noise, nuisance, [], {e.name: near}, (horizon,))
             first, last = max(e.t[1], near - span), min(e.t[-1], near + span)
             times, gains = np.arange(first, last, max(step, e.grid.step)).tolist(), []
             for t in times:
-                payload = payload_about([head], like, priors, {e.name: t})
-                for _ in range(STEPS):
-                    _, mean = beside.gain(beside.white(payload), AFTER_ONSET)
-                    payload = payload_about([head], payload.moved(mean), priors, {e.name: t})
-                gains.append(beside.gain(beside.white(payload), AFTER_ONSET)[0])
+                payload = dc.replace(guess, onset={e.name: t}, hidden={})
+                for _ in range(1 + STEPS):
+                    columns = payload_about(head, payload, priors)
+                    gain, mean = beside.gain(columns, horizon)
+                    payload = columns.moved(mean)
+                gains.append(gain)
             return times[np.argmax(gains)]
 
         for e in self._flights:
@@ -358,31 +481,33 @@ class PayloadSearch:
             found[e.name] = near
         return found
 
-    def _follow(self, beside: OtherRegressors, guess: Guess, first: float) -> PayloadColumns | None:
+    def _follow(
+        self, beside: OtherRegressors, guess: Term, first: float, alone: bool = False
+    ) -> PayloadColumns | None:
         """From a guess through the horizons, to the payload about which it fits best; none where it
         is lost.
 
         At every further horizon swings move alone at first: out of step, a lighter payload would
         fit better than this one, and there would be no way back.
+
+        Args:
+            alone: beside nuisance alone.
         """
-        mean = np.zeros(0)
+        mean, priors = np.zeros(0), self._priors
         for horizon in [h for h in beside.horizons if h >= first]:
-            flights = beside.heads(horizon)
-            payload = payload_about(flights, guess, self._priors, self._onset)
-            white = beside.white(payload)
+            flights = beside.heads[horizon]
+            payload = payload_about(flights, guess, priors)
             for _ in range(STEPS - 1 if len(mean) else 0):
-                swung = payload.moved(beside.swing_alone(white, horizon, mean[0]))
-                payload = payload_about(flights, swung, self._priors, self._onset)
-                white = beside.white(payload)
-            gain, mean = beside.gain(white, horizon)
+                swung = beside.swing_alone(payload, horizon, mean[0], alone=alone)
+                payload = payload_about(flights, payload.moved(swung), priors)
+            gain, mean = beside.gain(payload, horizon, alone=alone)
             for _ in range(STEPS):
-                new = payload_about(flights, payload.moved(mean), self._priors, self._onset)
-                new_white = beside.white(new)
-                new_gain, new_mean = beside.gain(new_white, horizon)
+                new = payload_about(flights, payload.moved(mean), priors)
+                new_gain, new_mean = beside.gain(new, horizon, alone=alone)
                 if new_gain < gain and horizon == math.inf:
                     break
                 done = abs(new_gain - gain) < 0.5
-                payload, white, gain, mean = new, new_white, new_gain, new_mean
+                payload, gain, mean = new, new_gain, new_mean
                 if done:
                     break
             if gain < LOST:

@@ -18,10 +18,9 @@ from np_drake.diagnosis.fitting import Fit, free_parameters, read
 from np_drake.diagnosis.forward_model import Term
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.regressors.payload import SEARCH_LENGTHS
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
-from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, rank_models
-from np_drake.diagnosis.selection.payload_search import PayloadSearch
+from np_drake.diagnosis.selection import Ranking, find_map_model, rank_models
+from np_drake.diagnosis.selection.payload_search import SEARCH_LENGTHS, PayloadSearch
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -49,12 +48,12 @@ def seen(fly: Fly) -> Callable[..., FlightResiduals]:
     return simulate
 
 
-Search = Callable[..., SearchResult]
+Search = Callable[..., Ranking]
 
 
 def search_with_few_lengths(
     flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
-) -> SearchResult:
+) -> Ranking:
     """Return `find_map_model` with a quarter of the tether lengths, for flights without a
     payload.
     """
@@ -77,14 +76,14 @@ def searched() -> Search:
     """Return `find_map_model`, which searches the same flights once in a module, with few
     lengths.
     """
-    known: dict[tuple[object, ...], SearchResult] = {}
+    known: dict[tuple[object, ...], Ranking] = {}
 
     def search(
         flights: Sequence[FlightResiduals],
         options: Options | None = None,
         *,
         still_air: bool = False,
-    ) -> SearchResult:
+    ) -> Ranking:
         key = (*map(_content, flights), repr(options), still_air, *LIBRARY)
         if key not in known:
             known[key] = search_with_few_lengths(flights, options, still_air=still_air)
@@ -129,7 +128,7 @@ class Case:
 
     flights: list[FlightResiduals]
     held_out: list[FlightResiduals]
-    found: SearchResult
+    found: Ranking
     ranking: Ranking
 
     @property

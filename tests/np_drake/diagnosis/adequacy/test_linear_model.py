@@ -53,7 +53,7 @@ def linear_model(
         terms, [], flights, noise, temperature=temperature, linear=nuisance, priors=REAL.priors
     )
     fit = dc.replace(fit, onset_prior=onset_prior)
-    ranking = Ranking((fit,), {}, noise, problem, (), REAL)
+    ranking = Ranking((fit,), noise, problem, (), REAL)
     return LinearModel(ranking), ranking
 
 

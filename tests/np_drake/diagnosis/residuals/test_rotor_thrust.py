@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.residuals.rotor_thrust import Rotors, _read_thrust
+from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
@@ -130,6 +130,6 @@ def wrench_noise(log: FlightLog) -> np.ndarray:
 def test_likeliest_thrust_is_nearer_than_the_reading_and_its_noise_known(fly):
     log = fly(noise=1.0, seconds=20.0)
     true, seen = (x.u @ VEHICLE.unmixer.T for x in (known(log), read(log)))
-    found, noise = _read_thrust(read(log), VEHICLE)
+    found, noise = Rotors(read(log), VEHICLE)._read
     np.testing.assert_allclose(noise, wrench_noise(log), rtol=0.1)
     assert np.std(found - true) < 0.5 * np.std(seen - true)

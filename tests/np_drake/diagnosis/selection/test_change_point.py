@@ -56,7 +56,8 @@ def test_a_payload_that_is_hung_on_in_flight_is_found_to_the_row(seen, noise):
     onset = {"suspended_payload": 4.0}
     flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset=onset)]
     problem = problem_of(flights, noise, [MassError(0.2)])
-    found = late_payloads(problem, switched_candidates(problem))
+    scan = OnsetScan(problem)
+    found = late_payloads(scan, switched_candidates(scan))
     assert {c.identifiers for c in found} == {("suspended_payload",)}
     assert found[0].onset["1"] == pytest.approx(4.0, abs=0.03)
     assert float(found[0].variant.removeprefix("length=")) == pytest.approx(0.5, rel=0.05)
@@ -74,9 +75,8 @@ def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
     whole = OnsetScan(problem, [0, 1])
     for members in ([], [0], [0, 1]):
         own, dut = OnsetScan(problem, members), whole.given(members)
-        sums = whole.sums(mass)
-        assert dut.rough_evidence(sums) == pytest.approx(own.rough_evidence(own.sums(mass)))
-        found = dut.best(mass, sums)
+        assert dut.rough_evidence(mass) == pytest.approx(own.rough_evidence(mass))
+        found = dut.best(mass)
         assert found.onset == own.best(mass).onset
         begun = problem.extended([switched(mass, flights, found.onset)])
         rest = begun.columns(members)

@@ -7,8 +7,7 @@ import pytest
 from np_drake.diagnosis.forward_model import Term
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import Model, RegressionProblem, library_candidates
-from np_drake.diagnosis.selection.map_model import noise_of, search
-from np_drake.diagnosis.selection.ranking import drop_negligible
+from np_drake.diagnosis.selection.map_model import drop_negligible, noise_of, search
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

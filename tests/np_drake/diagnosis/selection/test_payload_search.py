@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model import predicted_residual
+from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import Guess, library_candidates, payload_about
+from np_drake.diagnosis.regressors import library_candidates
 from np_drake.diagnosis.residuals import FORCE
-from np_drake.diagnosis.selection.payload_search import PayloadSearch
+from np_drake.diagnosis.selection.payload_search import PayloadSearch, payload_about, payload_of
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 REAL = Options.for_sensors(True)
@@ -23,7 +23,7 @@ def test_the_length_of_a_tether_is_found(seen, noise, length):
     flights = [seen(payload, name=str(i), seed=i, noise=1.0, seconds=7.0) for i in (1, 2)]
     dut = PayloadSearch(flights, options=REAL)
     (guess, _), *_ = dut.followed(noise, [], others(flights))
-    assert guess.length == pytest.approx(length, rel=0.02)
+    assert guess.effect.length == pytest.approx(length, rel=0.02)
 
 
 def test_without_a_payload_no_length_has_evidence(seen, noise):
@@ -38,25 +38,22 @@ def test_an_onset_that_is_known_roughly_is_sharpened_to_the_row(seen, noise, off
         payload, name="1", seed=1, noise=1.0, seconds=10.0, onset={"suspended_payload": 4.0}
     )
     dut = PayloadSearch([flight], onset={"1": 4.0 + off}, options=REAL)
-    assert dut.when(noise, [], Guess(0.5))["1"] == pytest.approx(4.0, abs=0.03)
+    assert dut.when(noise, [], payload_of(0.5))["1"] == pytest.approx(4.0, abs=0.03)
     # what has no onset gets none
-    assert PayloadSearch([flight], options=REAL).when(noise, [], Guess(0.5)) == {}
+    assert PayloadSearch([flight], options=REAL).when(noise, [], payload_of(0.5)) == {}
 
 
 def test_columns_of_a_payload_mean_what_its_guess_moves_to(seen):
     flights = [seen(name=str(i), seed=i, seconds=5.0) for i in (1, 2)]
-    dut = payload_about(
-        flights, Guess(0.6, np.array([0.01, 0.0, -0.1]), damping=0.3), priors=PRIORS
-    )
+    guess = Term(SuspendedPayload(1.0, 0.6, 0.01, 0.0, -0.1, 0.3))
+    dut = payload_about(flights, guess, priors=PRIORS)
     c = 0.1 * np.random.default_rng(1).normal(size=dut.size)
     c[:4] = 0.7, 0.0, 0.0, 0.0  # what a hook adds to the force is of second order
-    guess, (term,) = dut.moved(c), dut.terms(c)
+    term = dut.moved(c)
     payload = term.effect.payload
-    assert (payload.mass, payload.length) == pytest.approx((0.7 * dut.unit, guess.length))
-    assert payload.damping == guess.damping == pytest.approx(0.3 + c[5] / 0.7 * PRIORS.damping)
-    np.testing.assert_allclose(payload.hook, guess.hook)
-    for name, swing in guess.swing.items():
-        np.testing.assert_array_equal(term.hidden[name], swing)
+    assert payload.mass == pytest.approx(0.7 * PRIORS.payload_mass * flights[0].vehicle.mass)
+    assert payload.damping == pytest.approx(0.3 + c[5] / 0.7 * PRIORS.damping)
+    assert payload.hook == pytest.approx((0.01, 0.0, -0.1))
     columns = dut.candidate(flights).columns
     for e in flights:
         elsewhere = np.setdiff1d(np.arange(dut.size), dut.at(e.name))
@@ -66,7 +63,7 @@ def test_columns_of_a_payload_mean_what_its_guess_moves_to(seen):
         still = np.where(np.arange(dut.size) == 0, c, 0.0)
         moved = (
             predicted_residual(e, [term])[:, FORCE]
-            - predicted_residual(e, dut.terms(still))[:, FORCE]
+            - predicted_residual(e, [dut.moved(still)])[:, FORCE]
         )
         assert np.linalg.norm(
             columns[e.name][:, FORCE] @ (c - still) - moved
