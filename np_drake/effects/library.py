@@ -114,10 +114,9 @@ def _required(effect: type[Effect]) -> tuple[str, ...]:
 def register(effect: type[Effect]) -> type[Effect]:
     """Add a user's own effect to the library; a class decorator.
 
-    Raises: ValueError: where it is no frozen dataclass with `identifier` and `parameters`, the
-        identifier is taken by another class, a parameter has no field, or the effect acts only
-        through another one, as a wind through a drag; the search supports this for the library's
-        winds alone.
+    Raises: ValueError: where it is no frozen dataclass with `parameters`, the identifier is taken
+        by another class, a parameter has no field, or the effect acts only through another one, as
+        a wind through a drag; the search supports this for the library's winds alone.
     """
     shape = getattr(effect, "__dataclass_params__", None)
     if shape is None or not shape.frozen:
@@ -125,9 +124,8 @@ def register(effect: type[Effect]) -> type[Effect]:
             f"register: {effect.__name__} must be a frozen dataclass; write "
             "@dataclasses.dataclass(frozen=True) below @register."
         )
-    for name in ("identifier", "parameters"):
-        if not hasattr(effect, name):
-            raise ValueError(f"register: {effect.__name__} must have the attribute {name}.")
+    if not hasattr(effect, "parameters"):
+        raise ValueError(f"register: {effect.__name__} must have the attribute parameters.")
     known = LIBRARY.get(effect.identifier)
     if known is not None and known is not effect:
         raise ValueError(

@@ -23,9 +23,8 @@ from np_drake.diagnosis.regressors import (
 )
 from np_drake.diagnosis.residuals import FlightResiduals, find_outliers
 from np_drake.diagnosis.selection.map_model import noise_of
-from np_drake.effects.base import Parameter, correlation_root
+from np_drake.effects.base import Parameter, correlation_root, usual_size
 from np_drake.effects.library import LIBRARY, effect_of
-from np_drake.effects.parameter import usual_size
 
 TRACE_LENGTHS = np.geomspace(
     0.3, 1.5, 5

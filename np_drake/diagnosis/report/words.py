@@ -6,9 +6,8 @@ import string
 from collections.abc import Sequence
 
 from np_drake.diagnosis.result import UNKNOWN, Cause, Estimate, Finding
-from np_drake.effects.base import Effect
+from np_drake.effects.base import Effect, departure
 from np_drake.effects.library import effect_of
-from np_drake.effects.parameter import departure
 from np_drake.files.number_text import (
     NBSP,
     NOTHING,
