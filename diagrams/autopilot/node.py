@@ -19,8 +19,7 @@ import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
-from diagrams.batch.failed_run import one_line
-from diagrams.batch.run import Table
+from diagrams.batch.run import Table, one_line
 from diagrams.loop.controllers import add_controller
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import Watch

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.batch.failed_run import require
+from diagrams.batch.run import require
 from np_drake import attitude
 from np_drake.diagnosis.gap import (
     LEAD,

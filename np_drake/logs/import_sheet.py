@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from np_drake.files.atomic_file import write_text
+from np_drake.files.file_access import write_text
 from np_drake.files.yaml_file import read_yaml
 from np_drake.logs.errors import LogError
 from np_drake.vehicle.rotor_layout import RotorLayout

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.lifting.model.model_file import read_model, schema_of, summary_in, write_model
+from np_drake.lifting.model.lifted_model import read_model, schema_of, summary_in, write_model
 from np_drake.vehicle.scaling import Scales, over_paper
 
 PAYLOAD_FILTER, OLD_NAME = (

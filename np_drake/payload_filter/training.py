@@ -10,7 +10,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.command_delay import FINE, LONGEST_DELAY
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.model_file import origin_of
+from np_drake.lifting.model.lifted_model import origin_of
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import DEFAULT_BANK, RAW, PayloadFilter
@@ -18,7 +18,7 @@ from np_drake.residual_model import Memory, Sample
 from np_drake.rigid_body import Q, V, W
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.actuator_timing import delayed, learned_timing
-from np_drake.training_data.training_segments import Flight, picked_flight, require_torque
+from np_drake.training_data.segments import Flight, picked_flight, require_torque
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios, scales
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake import rigid_body
-from np_drake.lifting.model.encoders import DelayEncoder, DelayTaps
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_linear_system import DelayEncoder, DelayTaps, LiftedLinearSystem
 from np_drake.lifting.training.linear_fits import fit_dmdc_system, window_ridge
 from np_drake.residual_model import (
     FlightForecasts,

@@ -7,10 +7,19 @@ import numpy as np
 
 from np_drake import rigid_body
 from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
-from np_drake.lifting.model.encoders import Phi
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
-from np_drake.lifting.model.lifted_model import FAMILIES, MODE_DICTIONARY, LiftedModel
-from np_drake.lifting.model.model_file import load_model, rotor_lag_of
+from np_drake.lifting.model.lifted_linear_system import (
+    DelayEncoder,
+    LiftedLinearSystem,
+    Phi,
+    advance,
+)
+from np_drake.lifting.model.lifted_model import (
+    FAMILIES,
+    MODE_DICTIONARY,
+    LiftedModel,
+    load_model,
+    rotor_lag_of,
+)
 from np_drake.lifting.model.window_refit import WindowRefit
 from np_drake.residual_model import FlightForecasts, Memory, Sample, WrenchForecast
 
@@ -201,8 +210,8 @@ Along = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]  # A, B, z,
 class _Windowed:
     """Linear encoder of the window, its forecast corrected by a trust where the model has one."""
 
-    def __init__(self, model: LiftedModel):
-        self.model, self._encoder = model, model.linear_encoder
+    def __init__(self, model: LiftedModel, encoder: DelayEncoder):
+        self.model, self._encoder = model, encoder
 
     def initial_memory(self) -> Memory:
         """Return what is kept beside the predictor's own memory."""
@@ -294,4 +303,6 @@ def _lifting_of(model: LiftedModel) -> _Windowed | _Refitted | _Adapted:
     """Return how windows are lifted in flight."""
     if isinstance(model.encoder, AdaptiveFamily):
         return _Adapted(model, model.encoder)
-    return _Refitted(model) if isinstance(model.encoder, Phi) else _Windowed(model)
+    if isinstance(model.encoder, DelayEncoder):
+        return _Windowed(model, model.encoder)
+    return _Refitted(model)

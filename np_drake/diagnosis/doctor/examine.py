@@ -40,7 +40,7 @@ from np_drake.diagnosis.result import CHANNELS
 from np_drake.effects.base import usual_size
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
-from np_drake.files.atomic_file import plain
+from np_drake.files.file_access import plain
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.parts import FITS

@@ -13,7 +13,7 @@ from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.answer import GAP_HEADER, gap_rows, headline, lead, remains
 from np_drake.diagnosis.report.figures import regime_figure, replay_figure
 from np_drake.diagnosis.result import Diagnosis
-from np_drake.files.atomic_file import require_writable, write_json
+from np_drake.files.file_access import require_writable, write_json
 from np_drake.files.page import Section, write_page
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")

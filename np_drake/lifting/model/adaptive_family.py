@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.compiled import compiled
-from np_drake.lifting.model.encoders import DelayEncoder
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem
 
 
 @dc.dataclass(frozen=True)

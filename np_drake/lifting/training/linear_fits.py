@@ -14,8 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.lifting.model.encoders import DelayEncoder, DelayTaps
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_linear_system import DelayEncoder, DelayTaps, LiftedLinearSystem
 from np_drake.lifting.training.excitation import turns
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import decompressed, decompressed_start
+from np_drake.files.file_access import decompressed, decompressed_start
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.importing.log_map import LogMap, Source

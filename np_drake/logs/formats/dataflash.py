@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import decompressed_start, uncompressed
+from np_drake.files.file_access import decompressed_start, uncompressed
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import (
     Contents,

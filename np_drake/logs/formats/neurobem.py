@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
-from np_drake.files.input_file import note_input
+from np_drake.files.file_access import note_input
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, Table, bridge_gaps, check_table, split_at_gaps
 from np_drake.logs.errors import LogError, place

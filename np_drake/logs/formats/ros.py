@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import cell_budget, note_input, size_of
+from np_drake.files.file_access import cell_budget, note_input, size_of
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.formats.text_table import too_many_cells

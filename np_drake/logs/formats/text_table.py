@@ -23,8 +23,13 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.atomic_file import atomic_path
-from np_drake.files.input_file import cell_budget, decompressed_start, note_input, text_budget
+from np_drake.files.file_access import (
+    atomic_path,
+    cell_budget,
+    decompressed_start,
+    note_input,
+    text_budget,
+)
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Progress, indexed, no_progress

@@ -12,10 +12,9 @@ from functools import partial
 
 import pytest
 
-from diagrams.batch import campaign as processes
 from diagrams.batch import run as batch_run
-from diagrams.batch.campaign import as_they_finish, connect, run_campaign
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch import run as processes
+from diagrams.batch.run import FailedRun, as_they_finish, connect, run_campaign
 from diagrams.cli.main import run
 
 CASES = [{"number": number} for number in range(4)]

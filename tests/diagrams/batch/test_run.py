@@ -10,10 +10,17 @@ import time
 import numpy as np
 import pytest
 
-from diagrams.batch import campaign
-from diagrams.batch.campaign import packed, run_campaign, unpacked
-from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.run import Workers, every_result, failures, results
+from diagrams.batch import run as campaign
+from diagrams.batch.run import (
+    FailedRun,
+    Workers,
+    every_result,
+    failures,
+    packed,
+    results,
+    run_campaign,
+    unpacked,
+)
 
 CONFIG = {"solver": "sqp", "reality": {"drag": 0.25}}
 CASES = [{"row": "np", "speed": speed} for speed in (0.5, 1.0, 1.5)]
@@ -42,7 +49,7 @@ def counted(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("how", "why"), [("exit", "EXIT(5)"), ("raise", "KeyError: 'drag' (test_campaign.py:")]
+    ("how", "why"), [("exit", "EXIT(5)"), ("raise", "KeyError: 'drag' (test_run.py:")]
 )
 def test_a_failed_case_is_alone_is_recorded_and_is_tried_again(counted, tmp_path, how, why):
     work, calls, broken = counted
@@ -100,7 +107,7 @@ def test_a_worker_of_another_version_says_so():
 KILLED = """
 import sys, time
 from pathlib import Path
-from diagrams.batch.campaign import run_campaign
+from diagrams.batch.run import run_campaign
 
 folder = Path(sys.argv[1])
 
