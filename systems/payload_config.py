@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 
@@ -31,29 +32,29 @@ class PayloadConfig:
 
         Raises: ValueError: on an unknown tether or an impossible size.
         """
-        if self.tether not in ("cable", "rod", "none"):
-            raise ValueError(
-                f"PayloadConfig: tether must be cable, rod or none; got {self.tether!r}."
-            )
+        require(
+            self.tether in ("cable", "rod", "none"),
+            f"PayloadConfig: tether must be cable, rod or none; got {self.tether!r}.",
+        )
         for name in ("mass", "length", "radius", "stiffness"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(
-                    f"PayloadConfig: {name} must be positive and finite; got {getattr(self, name)}."
-                )
-        if not self.damping >= 0 or np.shape(self.hook) != (3,):
-            raise ValueError(
-                "PayloadConfig: damping must not be negative and hook must be (3,) [m]."
+            require(
+                0 < getattr(self, name) < np.inf,
+                f"PayloadConfig: {name} must be positive and finite; got {getattr(self, name)}.",
             )
-        if not 0 <= self.air_damping < np.inf:
-            raise ValueError(
-                f"PayloadConfig: air_damping must be finite and not negative [1/s]; got "
-                f"{self.air_damping}."
-            )
-        if self.tether == "rod" and self.air_damping:
-            raise ValueError(
-                f"PayloadConfig: air_damping must be 0 on a rod [1/s]; got "
-                f"{self.air_damping}. Use a cable."
-            )
+        require(
+            self.damping >= 0 and np.shape(self.hook) == (3,),
+            "PayloadConfig: damping must not be negative and hook must be (3,) [m].",
+        )
+        require(
+            0 <= self.air_damping < np.inf,
+            f"PayloadConfig: air_damping must be finite and not negative [1/s]; got "
+            f"{self.air_damping}.",
+        )
+        require(
+            self.tether != "rod" or not self.air_damping,
+            f"PayloadConfig: air_damping must be 0 on a rod [1/s]; got "
+            f"{self.air_damping}. Use a cable.",
+        )
         return self
 
 
@@ -102,24 +103,28 @@ class PayloadEvent:
 
         Raises: ValueError: on an unknown kind or an impossible value.
         """
-        if self.kind not in EVENTS:
-            raise ValueError(f"events: kind must be one of {', '.join(EVENTS)}; got {self.kind!r}.")
-        if not 0 < self.time < np.inf:
-            raise ValueError(f"events: time must be positive and finite [s]; got {self.time}.")
-        if not 0 <= self.mass < np.inf or (self.kind == "attach") != (self.mass > 0):
-            raise ValueError(
-                f"events: mass must be positive for kind attach and 0 for another [kg]; "
-                f"got {self.mass}."
-            )
-        if np.shape(self.impulse) != (3,) or not np.isfinite(self.impulse).all():
-            raise ValueError(
-                f"events: impulse must be three finite values [N·s]; got {self.impulse}."
-            )
-        if (self.kind == "impulse") != bool(np.any(self.impulse)):
-            raise ValueError(
-                f"events: impulse must be given for kind impulse alone [N·s]; got "
-                f"{self.impulse} for {self.kind}."
-            )
+        require(
+            self.kind in EVENTS,
+            f"events: kind must be one of {', '.join(EVENTS)}; got {self.kind!r}.",
+        )
+        require(
+            0 < self.time < np.inf,
+            f"events: time must be positive and finite [s]; got {self.time}.",
+        )
+        require(
+            0 <= self.mass < np.inf and (self.kind == "attach") == (self.mass > 0),
+            f"events: mass must be positive for kind attach and 0 for another [kg]; "
+            f"got {self.mass}.",
+        )
+        require(
+            np.shape(self.impulse) == (3,) and np.isfinite(self.impulse).all(),
+            f"events: impulse must be three finite values [N·s]; got {self.impulse}.",
+        )
+        require(
+            (self.kind == "impulse") == bool(np.any(self.impulse)),
+            f"events: impulse must be given for kind impulse alone [N·s]; got "
+            f"{self.impulse} for {self.kind}.",
+        )
         return self
 
 

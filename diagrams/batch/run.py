@@ -36,20 +36,12 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require as require
 from np_drake.files.file_access import kept_json, plain, require_writable, write_text
 
 
 class FailedRun(RuntimeError):
     """Failure of a run, in one line for people: who failed, when, and why."""
-
-
-def require(condition: bool, otherwise: str) -> None:
-    """Check a condition of the user's input.
-
-    Raises: ValueError: with the line `otherwise`, where it does not hold.
-    """
-    if not condition:
-        raise ValueError(otherwise)
 
 
 def one_line(error: Exception) -> str:

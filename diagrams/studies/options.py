@@ -96,7 +96,7 @@ class FlownRun(Run):
 def chosen(option: str, names: Collection[str] | None, known: Collection[str]) -> list[str]:
     """Return the known names that are asked for, all where none is; ValueError on another one."""
     unknown = ", ".join(sorted(set(names or ()) - set(known)))
-    require(not unknown, f"{option}: must be of {', '.join(known)}; got {unknown}.")
+    require(not unknown, f"{option}: must be of {'; '.join(known)}; got {unknown}.")
     return [name for name in known if not names or name in names]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog, Neighbour
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import log_file, neurobem
@@ -78,8 +79,11 @@ def read_as_logged(
     """
     path = Path(path)
     first_bytes(path)  # that it can be opened
-    if map is None and neurobem.is_array(path):
-        raise LogError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
+    require(
+        map is not None or not neurobem.is_array(path),
+        f"{path}: an array has no commands to diagnose; give the flight's CSV.",
+        LogError,
+    )
     if map is None and neurobem.is_neurobem(path):
         return Opened(path, neurobem.read(path), vehicle=neurobem.published_vehicle())
     if map is None and log_file.is_flight_log(path):
@@ -172,11 +176,11 @@ def neighbour_of(text: str, files: Sequence[Path]) -> tuple[Path, Path]:
     """
     path, _, name = text.rpartition("=")
     found = [file for file in files if Path(name) in (file, Path(file.name))]
-    if not path or len(found) != 1:
-        raise ValueError(
-            f"{text}: say beside which: --neighbour LOG=OF; OF must be one of "
-            f"{', '.join(file.name for file in files)}."
-        )
+    require(
+        path and len(found) == 1,
+        f"{text}: say beside which: --neighbour LOG=OF; OF must be one of "
+        f"{', '.join(file.name for file in files)}.",
+    )
     return Path(path), found[0]
 
 
@@ -203,10 +207,11 @@ def with_neighbours(
 
 def _beside(log: FlightLog, others: Sequence[FlightLog], least: float) -> FlightLog:
     for other in (log, *others) if others else ():
-        if "height" in other.lacks:
-            raise LogError(
-                f"{other.name}: must tell the position beside a neighbour; it does not. {HOW}."
-            )
+        require(
+            "height" not in other.lacks,
+            f"{other.name}: must tell the position beside a neighbour; it does not. {HOW}.",
+            LogError,
+        )
     # On the clocks of the recordings, first and last times [s].
     spans = [(float(x.t[0] + x.start), float(x.t[-1] + x.start)) for x in (log, *others)]
     (first, last), *theirs = spans
@@ -313,15 +318,14 @@ def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
     Raises: ValueError: if it is no folder, or the vehicle or a flight of either kind is missing.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise ValueError(
-            f"{folder}: must be a case folder; it is "
-            f"{'a file' if folder.exists() else 'not there'}."
-        )
-    if vehicle is None and not (folder / VEHICLE).is_file():
-        raise ValueError(
-            f"{folder}: a case folder must hold {VEHICLE}, or a vehicle must be named."
-        )
+    require(
+        folder.is_dir(),
+        f"{folder}: must be a case folder; it is {'a file' if folder.exists() else 'not there'}.",
+    )
+    require(
+        vehicle is not None or (folder / VEHICLE).is_file(),
+        f"{folder}: a case folder must hold {VEHICLE}, or a vehicle must be named.",
+    )
     flights = sorted(
         path for path in folder.iterdir() if path.name.endswith(SUFFIXES) and path.is_file()
     )
@@ -330,10 +334,9 @@ def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
         for start in (TRAIN, HELD_OUT, BEFORE)
     )
     for start, found in ((TRAIN, train), (HELD_OUT, held_out)):
-        if not found:
-            raise ValueError(
-                f"{folder}: a case folder must hold {start}*{{{', '.join(SUFFIXES)}}}; got none."
-            )
+        require(
+            found, f"{folder}: a case folder must hold {start}*{{{', '.join(SUFFIXES)}}}; got none."
+        )
     return CaseFiles(vehicle or folder / VEHICLE, train, held_out, before)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import rigid_body
+from np_drake.checks import require
 from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
 from np_drake.lifting.model.lifted_linear_system import (
     DelayEncoder,
@@ -77,13 +78,15 @@ class NeuralPredictor:
     """
 
     def __init__(self, model: LiftedModel, *, torque: str = "hold"):
-        if torque not in ("hold", "predict"):
-            raise ValueError(f"NeuralPredictor: torque must be hold | predict; got {torque}.")
-        if torque == "predict" and not model.predicts_torque:
-            raise ValueError(
-                "NeuralPredictor: this model must not predict torque; it was trained "
-                "without. Use hold."
-            )
+        require(
+            torque in ("hold", "predict"),
+            f"NeuralPredictor: torque must be hold | predict; got {torque}.",
+        )
+        require(
+            torque != "predict" or model.predicts_torque,
+            "NeuralPredictor: this model must not predict torque; it was trained "
+            "without. Use hold.",
+        )
         ours = model.configuration in (*FAMILIES, MODE_DICTIONARY)
         self.name = "np" if ours else f"np-{model.configuration}"
         self.model, self.step = model, model.step

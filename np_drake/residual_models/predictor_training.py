@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.lifted_model import LiftedModel, origin_of, require_origin, with_origin
@@ -114,11 +115,11 @@ def foresight(model: LiftedModel, segments: Sequence[Segment]) -> float:
         forecast = course.at(list(AHEAD), origins, segment.zeta, zeta_known=True)[..., :3]
         ours += np.sum((forecast - goal) ** 2, axis=(0, 2))
         naive += np.sum((segment.chi[origins, None, :3] - goal) ** 2, axis=(0, 2))
-    if not np.all(naive > 0):
-        raise ValueError(
-            f"prior: at least {model.window + AHEAD[-1]} samples in one piece are needed "
-            f"to judge it by."
-        )
+    require(
+        np.all(naive > 0),
+        f"prior: at least {model.window + AHEAD[-1]} samples in one piece are needed "
+        f"to judge it by.",
+    )
     return float(np.sqrt(ours / naive).max())
 
 
@@ -187,15 +188,6 @@ class KnodeConfig:
     learning_rate: float = 4e-3  # of Adam, falling to a tenth along a cosine [1]
     weight_decay: float = 1e-5  # of AdamW [1]
     seed: int = 0  # of the initial weights and the order of windows
-
-
-def flown_pieces(log: FlightLog, vehicle: Vehicle) -> list[Piece]:
-    """Return the pieces of a log between rows that hold a NaN.
-
-    Their command is the one that acts by the vehicle's rotor lag.
-    """
-    x, u = log.x, acting_command(log, vehicle)
-    return [Piece(x[a:b], u[a:b], log.step) for a, b in finite_runs(x, u)]
 
 
 def fit_knode(
@@ -343,8 +335,7 @@ def _windows(
         for k in range(0, len(piece.x) - H, config.spacing):
             x.append(piece.x[k : k + H + 1])
             u.append(piece.u[k : k + H])
-    if not x:
-        raise ValueError(f"knode: at least {H + 1} rows in one piece are needed; got none so long.")
+    require(x, f"knode: at least {H + 1} rows in one piece are needed; got none so long.")
     return torch.from_numpy(np.array(x)), torch.from_numpy(np.array(u)), float(steps[0])
 
 
@@ -399,12 +390,16 @@ def train_motion_model(
     return with_origin(model, origin_of(frame, vehicle, label or default_labels(vehicle))), loss
 
 
-def _pieces(flights: Sequence[FlightLog | WrenchSequence], vehicle: Vehicle) -> list:
+def _pieces(flights: Sequence[FlightLog | WrenchSequence], vehicle: Vehicle) -> list[Piece]:
+    """Return the pieces of logs between rows that hold a NaN, with the command that acts by the
+    vehicle's rotor lag.
+    """
     pieces = []
     for flight in flights:
         if isinstance(flight, WrenchSequence):
             raise ValueError(
                 f"knode: {flight.name} holds no command to integrate; give flight logs."
             )
-        pieces += flown_pieces(flight, vehicle)
+        x, u = flight.x, acting_command(flight, vehicle)
+        pieces += [Piece(x[a:b], u[a:b], flight.step) for a, b in finite_runs(x, u)]
     return pieces

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_model import (
     FAMILIES,
@@ -89,17 +90,18 @@ def flight_forecasts(
         averaged: whether the labels to be forecast are means of the step up to their sample, else
             of its instant.
     """
-    if motion not in MOTIONS:
-        raise ValueError(f"flight_forecasts: motion must be {' | '.join(MOTIONS)}; got {motion}.")
+    require(
+        motion in MOTIONS, f"flight_forecasts: motion must be {' | '.join(MOTIONS)}; got {motion}."
+    )
     reads_plan = isinstance(model, ReadsPlan)
     if not reads_plan and isinstance(model, ForecastsWholeFlights) and flight.gapless:
         found = _at_once(model, flight, horizons, first=first, motion=motion)
         if found is not None:
             return found
-    if reads_plan and horizons[0] < 1:
-        raise ValueError(
-            f"flight_forecasts: horizons of {model.name} must be 1 or more; got {horizons[0]}."
-        )
+    require(
+        not reads_plan or horizons[0] >= 1,
+        f"flight_forecasts: horizons of {model.name} must be 1 or more; got {horizons[0]}.",
+    )
     chi_hat = np.full((len(flight) - first, len(horizons), 6), np.nan)
     for k, memory in walk(model, flight):
         steps = min(horizons[-1], len(flight) - 1 - k)
@@ -203,11 +205,11 @@ def skill_table(
     """
     horizons = sorted(set(horizons))
     origins = np.arange(warm_up, len(chi) - horizons[-1])
-    if len(origins) == 0 or horizons[0] < 0:
-        raise ValueError(
-            f"skill_table: {flight}: more than {warm_up + horizons[-1]} samples are "
-            f"needed; got {len(chi)}."
-        )
+    require(
+        len(origins) != 0 and horizons[0] >= 0,
+        f"skill_table: {flight}: more than {warm_up + horizons[-1]} samples are "
+        f"needed; got {len(chi)}.",
+    )
     goal = (chi if target is None else target)[origins[:, None] + horizons]
     predictions = naive_predictions(chi, origins, horizons, mean)
     for name, model in models.items():
@@ -478,8 +480,7 @@ def _longest_flown(
             f"{PAYLOAD_FILTER}; got an array."
         )
     pieces = flown_segments(flight.data, flight.vehicle, predictor, step=predictor.step)
-    if not pieces:
-        raise ValueError(f"{flight.data.name}: must hold rows without NaN; got none.")
+    require(pieces, f"{flight.data.name}: must hold rows without NaN; got none.")
     return max(pieces, key=lambda piece: len(piece[0]))
 
 
@@ -514,14 +515,13 @@ def _longest_piece(flight: Flight, step: float) -> Segment:
     Raises: ValueError: if an array has another step, or nothing usable is left.
     """
     data = flight.data
-    if isinstance(data, WrenchSequence) and abs(data.step - step) > STEP_TOLERANCE * step:
-        raise ValueError(
-            f"{data.name}: step must be the model's, {step:g} s; got {data.step:g} s. "
-            f"Train on such arrays."
-        )
+    require(
+        not isinstance(data, WrenchSequence) or abs(data.step - step) <= STEP_TOLERANCE * step,
+        f"{data.name}: step must be the model's, {step:g} s; got {data.step:g} s. "
+        f"Train on such arrays.",
+    )
     pieces = flight.segments(step)
-    if not pieces:
-        raise ValueError(f"{data.name}: must hold rows without NaN; got none.")
+    require(pieces, f"{data.name}: must hold rows without NaN; got none.")
     return max(pieces, key=len)
 
 

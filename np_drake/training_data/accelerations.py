@@ -8,6 +8,7 @@ import numpy as np
 from scipy import signal
 
 from np_drake import attitude
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 
 LIFT_BAND = 4.0  # of a measured lift [Hz]; own choice: below motor lag
@@ -26,8 +27,7 @@ def with_accelerations(log: FlightLog, bandwidth: float = BANDWIDTH) -> FlightLo
         bandwidth: of the low-pass [Hz].
     Raises: ValueError: if the bandwidth is not positive.
     """
-    if not bandwidth > 0:
-        raise ValueError(f"with_accelerations: bandwidth must be positive [Hz]; got {bandwidth}.")
+    require(bandwidth > 0, f"with_accelerations: bandwidth must be positive [Hz]; got {bandwidth}.")
     new = [name for name in ("a", "al") if getattr(log, name) is None]
     if not new:
         return log
@@ -92,16 +92,15 @@ def rows_at(log: FlightLog, step: float) -> np.ndarray:
         step: between rows [s].
     Raises: ValueError: if the step is shorter than the log's, or leaves fewer than two rows.
     """
-    if not step > 0.999 * log.step:
-        raise ValueError(
-            f"decimate: step must be at least that of {log.name}, {log.step:.4g} s; got "
-            f"{step:.4g} s."
-        )
+    require(
+        step > 0.999 * log.step,
+        f"decimate: step must be at least that of {log.name}, {log.step:.4g} s; got {step:.4g} s.",
+    )
     wanted = np.arange(log.t[0], log.t[-1] + 0.5 * log.step, step)
-    if len(wanted) < 2:
-        raise ValueError(
-            f"decimate: {log.name} lasts {log.t[-1] - log.t[0]:.3g} s, less than {step:.3g} s."
-        )
+    require(
+        len(wanted) >= 2,
+        f"decimate: {log.name} lasts {log.t[-1] - log.t[0]:.3g} s, less than {step:.3g} s.",
+    )
     after = np.clip(np.searchsorted(log.t, wanted), 1, len(log) - 1)
     return np.where(wanted - log.t[after - 1] < log.t[after] - wanted, after - 1, after)
 

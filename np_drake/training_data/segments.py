@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.labels import (
     LabelConfig,
@@ -51,19 +52,20 @@ class WrenchSequence:
 
         Raises: ValueError: where they do not fit.
         """
-        if self.frame not in ("world", "body"):
-            raise ValueError(f"WrenchSequence: frame must be world or body; got {self.frame!r}.")
-        if not 0 < self.step < np.inf:
-            raise ValueError(f"WrenchSequence: step must be positive [s]; got {self.step}.")
-        if (
-            np.ndim(self.chi) != 2
-            or np.shape(self.chi)[1] != 6
-            or np.shape(self.zeta) != np.shape(self.chi)
-        ):
-            raise ValueError(
-                f"WrenchSequence: chi and zeta must be (n, 6); got {np.shape(self.chi)}, "
-                f"{np.shape(self.zeta)}."
-            )
+        require(
+            self.frame in ("world", "body"),
+            f"WrenchSequence: frame must be world or body; got {self.frame!r}.",
+        )
+        require(
+            0 < self.step < np.inf, f"WrenchSequence: step must be positive [s]; got {self.step}."
+        )
+        require(
+            np.ndim(self.chi) == 2
+            and np.shape(self.chi)[1] == 6
+            and np.shape(self.zeta) == np.shape(self.chi),
+            f"WrenchSequence: chi and zeta must be (n, 6); got {np.shape(self.chi)}, "
+            f"{np.shape(self.zeta)}.",
+        )
         return self
 
 
@@ -104,14 +106,13 @@ def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
     Raises: ValueError: if a shape or value is wrong, steps differ by over 2 %, or none is long
         enough.
     """
-    if not segments:
-        raise ValueError("Segment: there must be at least one training segment; got none.")
+    require(segments, "Segment: there must be at least one training segment; got none.")
     checked = [_checked(segment, number) for number, segment in enumerate(segments)]
     steps = np.array([segment.step for segment in checked])
-    if np.ptp(steps) > 0.02 * steps.min():
-        raise ValueError(
-            f"Segment: all segments must share one step [s]; got {steps.min()} to {steps.max()}."
-        )
+    require(
+        np.ptp(steps) <= 0.02 * steps.min(),
+        f"Segment: all segments must share one step [s]; got {steps.min()} to {steps.max()}.",
+    )
     long = [segment for segment in checked if len(segment) >= shortest]
     if not long:
         longest = max(map(len, checked))
@@ -125,17 +126,16 @@ def _checked(segment: Segment, number: int) -> Segment:
     arrays = {"chi": segment.chi, "zeta": segment.zeta, "target": segment.goal}
     for name, value in arrays.items():
         arrays[name] = value = np.asarray(value, float)
-        if value.ndim != 2 or value.shape != (len(segment.chi), 6):
-            raise ValueError(
-                f"Segment {number}: {name} must be (n, 6), one n for all; got {value.shape}."
-            )
+        require(
+            value.ndim == 2 and value.shape == (len(segment.chi), 6),
+            f"Segment {number}: {name} must be (n, 6), one n for all; got {value.shape}.",
+        )
         if not np.all(np.isfinite(value)):
             row = int(np.argmin(np.all(np.isfinite(value), axis=1)))
             raise ValueError(
                 f"Segment {number}: {name} must be finite; row {row} is not. Cut the log there."
             )
-    if not segment.step > 0:
-        raise ValueError(f"Segment {number}: step must be positive [s]; got {segment.step}.")
+    require(segment.step > 0, f"Segment {number}: step must be positive [s]; got {segment.step}.")
     return Segment(
         arrays["chi"], arrays["zeta"], float(segment.step), arrays["target"], segment.late
     )
@@ -249,18 +249,18 @@ def sampled_flight(
         step: time between samples [s].
     Raises: ValueError: if the step is shorter than the log's, or the flight than two steps.
     """
-    if not step > 0.999 * log.step:
-        raise ValueError(
-            f"sampled_flight: step must be at least that of {log.name}, {log.step:.4g} s; "
-            f"got {step:.4g} s."
-        )
+    require(
+        step > 0.999 * log.step,
+        f"sampled_flight: step must be at least that of {log.name}, {log.step:.4g} s; "
+        f"got {step:.4g} s.",
+    )
     log = with_accelerations(log)
     t = log.t - log.t[0]
     count = int(t[-1] / step + 1e-6) + 1
-    if count < 3:
-        raise ValueError(
-            f"sampled_flight: {log.name} must last two steps of {step:g} s; got {t[-1]:.3g} s."
-        )
+    require(
+        count >= 3,
+        f"sampled_flight: {log.name} must last two steps of {step:g} s; got {t[-1]:.3g} s.",
+    )
     bins = np.ceil(t / step - 1e-6).astype(
         int
     )  # row of time t belongs to the sample that ends its step
@@ -369,12 +369,12 @@ def require_torque(log: FlightLog) -> FlightLog:
             f"{log.name}: must tell attitude and velocity to train on; its {' and '.join(lacking)} "
             f"{'are' if len(lacking) > 1 else 'is'} integrated. Log them as well."
         )
-    if len(log) and not np.isfinite(log.u[:, 1:]).any():
-        raise ValueError(
-            f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, "
-            f"or throttle1 … throttle4 "
-            f"with a vehicle file) to train on; its input is {log.input}."
-        )
+    require(
+        not len(log) or np.isfinite(log.u[:, 1:]).any(),
+        f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, "
+        f"or throttle1 … throttle4 "
+        f"with a vehicle file) to train on; its input is {log.input}.",
+    )
     return log
 
 

@@ -24,6 +24,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import blas, lapack
 
+from np_drake.checks import require
+
 # The limit lies this far inside, because two builds of LAPACK differ in the last bits. The pull's
 # rounding moves an eigenvalue by at most K eps cond(V)^2 (Bauer-Fike), which is less while the
 # condition is below the first number; up to the second the eigenvalues are counted once more.
@@ -77,7 +79,9 @@ def _stabilized(A: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
     if largest <= limit:
         return A, largest
     pulled, condition = _pulled(A, V, size, limit)
-    if condition < _CERTAIN or (condition < _ILL and _radius(pulled) <= radius):
+    if condition < _CERTAIN:
+        return pulled, largest
+    if condition < _ILL and np.abs(np.linalg.eigvals(pulled)).max() <= radius:
         return pulled, largest
     return A * (limit / largest), largest
 
@@ -104,11 +108,6 @@ def _pulled(
     outside = np.flatnonzero(size > limit)
     less = limit / size[outside] - 1.0
     return A + (A @ (V[:, outside] * less)) @ inverse[outside], condition
-
-
-def _radius(A: np.ndarray) -> float:
-    """Return the spectral radius [1]."""
-    return float(np.abs(np.linalg.eigvals(A)).max())
 
 
 @dc.dataclass(frozen=True)
@@ -191,13 +190,12 @@ class Phi:
     def __post_init__(self):
         width = 6
         for W in self.weights:
-            if W.ndim != 2 or W.shape[1] != width:
-                raise ValueError(
-                    f"each layer of Phi must take the {width} outputs before it; got {W.shape}."
-                )
+            require(
+                W.ndim == 2 and W.shape[1] == width,
+                f"each layer of Phi must take the {width} outputs before it; got {W.shape}.",
+            )
             width = len(W)
-        if not self.weights:
-            raise ValueError("lacks the layers of Phi.")
+        require(self.weights, "lacks the layers of Phi.")
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Return the arrays that a model file holds, by name."""
@@ -240,8 +238,10 @@ class DelayEncoder:
             raise ValueError(
                 f"DelayEncoder: offset must be ({len(self.E)},); got {self.offset.shape}."
             )
-        if self.E.ndim != 2 or self.E.shape[1] != 12 * self.delay:
-            raise ValueError(f"DelayEncoder: E must be (K, {12 * self.delay}); got {self.E.shape}.")
+        require(
+            self.E.ndim == 2 and self.E.shape[1] == 12 * self.delay,
+            f"DelayEncoder: E must be (K, {12 * self.delay}); got {self.E.shape}.",
+        )
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Return the arrays that a model file holds, by name."""
@@ -284,11 +284,11 @@ class DelayTaps:
     averages: int  # box averages over the others [1]
 
     def __post_init__(self):
-        if not 1 <= self.dense <= self.delay or not 0 <= self.averages <= self.delay - self.dense:
-            raise ValueError(
-                "DelayTaps: must have 1 <= dense <= delay and 0 <= averages <= delay - dense; "
-                f"got {self.dense}, {self.averages}, {self.delay}."
-            )
+        require(
+            1 <= self.dense <= self.delay and 0 <= self.averages <= self.delay - self.dense,
+            "DelayTaps: must have 1 <= dense <= delay and 0 <= averages <= delay - dense; "
+            f"got {self.dense}, {self.averages}, {self.delay}.",
+        )
 
     @property
     def matrix(self) -> np.ndarray:

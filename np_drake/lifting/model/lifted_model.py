@@ -13,6 +13,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
+from np_drake.checks import require
 from np_drake.files.file_access import parse_json, write_bytes
 from np_drake.labels import LabelConfig
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
@@ -77,15 +78,17 @@ class LiftedModel:
     def __post_init__(self):
         require_configuration(self.configuration)
         kind = ENCODERS[self.configuration]
-        if not isinstance(self.encoder, kind):
-            raise ValueError(f"LiftedModel: {self.configuration} must have {kind.__name__}.")
+        require(
+            isinstance(self.encoder, kind),
+            f"LiftedModel: {self.configuration} must have {kind.__name__}.",
+        )
         if self.encoder.K != self.system.K:
             sizes = f"{self.encoder.K} and {self.system.K}"
             raise ValueError(f"LiftedModel: encoder and system must agree on K; got {sizes}.")
-        if not 0 <= self.late < self.window:
-            raise ValueError(
-                f"LiftedModel: late must be 0 to less than the window; got {self.late}."
-            )
+        require(
+            0 <= self.late < self.window,
+            f"LiftedModel: late must be 0 to less than the window; got {self.late}.",
+        )
 
     @property
     def warm_up(self) -> int:
@@ -130,8 +133,9 @@ def require_configuration(name: str) -> None:
 
     Raises: ValueError: if there is none.
     """
-    if name not in ENCODERS:
-        raise ValueError(f"configuration must be {' | '.join(ENCODERS)}; got {name}. Train again.")
+    require(
+        name in ENCODERS, f"configuration must be {' | '.join(ENCODERS)}; got {name}. Train again."
+    )
 
 
 class Trained(Protocol):
@@ -201,8 +205,10 @@ def summary_in(header: dict[str, Any]) -> dict[str, Any]:
             f"summary.origin must be names with their values; got {summary['origin']!r}."
         )
     lag = summary.get("rotor_lag", 0.0)
-    if not isinstance(lag, int | float) or not 0 <= lag < 10:
-        raise ValueError(f"summary.rotor_lag must be 0 to 10 s; got {lag!r}.")
+    require(
+        isinstance(lag, int | float) and 0 <= lag < 10,
+        f"summary.rotor_lag must be 0 to 10 s; got {lag!r}.",
+    )
     return summary
 
 
@@ -211,23 +217,13 @@ def number_in(header: dict[str, Any], name: str, lowest: float, largest: float) 
     Raises: ValueError: if it is none, or outside these bounds; KeyError: if the header lacks it.
     """
     value = header[name]
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float)
-        or not lowest <= value <= largest
-    ):
-        raise ValueError(f"{name} must be a number from {lowest:g} to {largest:g}; got {value!r}.")
+    require(
+        not isinstance(value, bool)
+        and isinstance(value, int | float)
+        and lowest <= value <= largest,
+        f"{name} must be a number from {lowest:g} to {largest:g}; got {value!r}.",
+    )
     return float(value)
-
-
-def truth_in(header: dict[str, Any], name: str) -> bool:
-    """Return a truth value of a header.
-    Raises: ValueError: if it is none, as a text, which Python takes for true; KeyError: if the
-        header lacks it.
-    """
-    if not isinstance(header[name], bool):
-        raise ValueError(f"{name} must be true or false; got {header[name]!r}.")
-    return header[name]
 
 
 SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
@@ -315,14 +311,16 @@ def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], 
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError, ValueError, TypeError, KeyError) as error:
         raise ValueError(f"{path}: not a model file: {_reason(path, error)}") from error
-    if metadata.get("schema") != schema:
-        raise ValueError(
-            f"{path}: schema must be {schema}; got {metadata.get('schema', 'none')}. Train again: "
-            "another version or configuration made it."
-        )
+    require(
+        metadata.get("schema") == schema,
+        f"{path}: schema must be {schema}; got {metadata.get('schema', 'none')}. Train again: "
+        "another version or configuration made it.",
+    )
     for name, value in tensors.items():
-        if value.dtype.kind != "f" or not np.all(np.isfinite(value)):
-            raise ValueError(f"{path}: tensor {name} must hold finite floating-point numbers.")
+        require(
+            value.dtype.kind == "f" and np.all(np.isfinite(value)),
+            f"{path}: tensor {name} must hold finite floating-point numbers.",
+        )
     return tensors, metadata
 
 
@@ -360,8 +358,12 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     if system.spectral_radius > 1.0 + 1e-9:
         raise ValueError(f"A must be stable; its spectral radius is {system.spectral_radius:.6g}.")
     for name in ("chi_scale", "zeta_scale"):
-        if tensors[name].shape != (6,) or not np.all(tensors[name] > 0):
-            raise ValueError(f"{name} must be six positive numbers.")
+        require(
+            tensors[name].shape == (6,) and np.all(tensors[name] > 0),
+            f"{name} must be six positive numbers.",
+        )
+    told = header["predicts_torque"]  # a text would count as true
+    require(isinstance(told, bool), f"predicts_torque must be true or false; got {told!r}.")
     encoder = ENCODERS[configuration].from_tensors(tensors)
     return LiftedModel(
         configuration,
@@ -370,7 +372,7 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
         window,
         tensors["chi_scale"],
         tensors["zeta_scale"],
-        truth_in(header, "predicts_torque"),
+        told,
         summary_in(header),
         number_in(header, "ridge", 0.0, LARGEST_RIDGE),
         int(number_in({"late": 0} | header, "late", 0, LONGEST_WINDOW)),
@@ -390,10 +392,14 @@ def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:
     arrays = {name: found.pop(name) for name in ("readout", "projector", "mean")}
     H = len(horizons)
     shapes = {"readout": (H, 6, K), "projector": (K, H, 6), "mean": (6,)}
-    if any(arrays[name].shape != shape for name, shape in shapes.items()):
-        raise ValueError(f"the arrays of trust must be {shapes}.")
-    if H == 0 or horizons[0] < 1 or np.any(np.diff(horizons) < 1):
-        raise ValueError("the horizons of trust must be whole numbers from 1 on, ascending.")
+    require(
+        all(arrays[name].shape == shape for name, shape in shapes.items()),
+        f"the arrays of trust must be {shapes}.",
+    )
+    require(
+        H != 0 and horizons[0] >= 1 and not np.any(np.diff(horizons) < 1),
+        "the horizons of trust must be whole numbers from 1 on, ascending.",
+    )
     return Trust(
         horizons,
         arrays["readout"],

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
+from np_drake.checks import require
 from np_drake.files.yaml_file import check_fields, load_checked, number, read_yaml, word
 from np_drake.logs.columns import GRAVITY as GRAVITY
 
@@ -172,10 +173,10 @@ class LogMap:
         Raises: ValueError: one line with field, value and what it may be.
         """
         check_fields(self, "LogMap")
-        if self.rate != 0 and not RATES[0] <= self.rate <= RATES[1]:
-            raise ValueError(
-                f"LogMap: rate must be 0, or {RATES[0]:g} … {RATES[1]:g} Hz; got {self.rate:g}."
-            )
+        require(
+            self.rate == 0 or RATES[0] <= self.rate <= RATES[1],
+            f"LogMap: rate must be 0, or {RATES[0]:g} … {RATES[1]:g} Hz; got {self.rate:g}.",
+        )
         if self.time:
             _check_source("time", self.time, (1,))
         for name, source in self.sources():
@@ -219,10 +220,10 @@ def load_map_file(name: str | Path) -> MapFile:
         if str(name) in presets and not Path(name).is_file()
         else Path(name)
     )
-    if not path.exists() and not path.suffix:
-        raise ValueError(
-            f"log map {name}: must be a file, or the preset of a data set: {', '.join(presets)}."
-        )
+    require(
+        path.exists() or path.suffix,
+        f"log map {name}: must be a file, or the preset of a data set: {', '.join(presets)}.",
+    )
     values = load_checked(LogMap, path, "log map")
     content = read_yaml(path) or {}
     return MapFile(values, {k: tuple(v) if isinstance(v, dict) else () for k, v in content.items()})
@@ -267,8 +268,7 @@ def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
         (f"late must be within 10 s; got {source.late}", abs(source.late or 0.0) <= 10),
     ]
     for what, holds in checks:
-        if not holds:
-            raise ValueError(f"LogMap: {name}: {what}.")
+        require(holds, f"LogMap: {name}: {what}.")
 
 
 NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
