@@ -61,68 +61,6 @@ Case = dict[str, Any]
 Record = dict[str, Any]
 
 
-def run_campaign(
-    work: Callable[[Case], dict],
-    cases: Sequence[Case],
-    *,
-    config: dict,
-    folder: Path | None = None,
-    jobs: int = 1,
-    scheduler: str = "",
-    keep: Callable[[Case, dict], dict] = lambda case, result: result,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Record]:
-    """Run all cases and return a record of each, in their order.
-
-    A record is {"case", "result", "seconds"}, or {"case", "error": one line, "seconds"}. Results
-    already in `folder` are reused; cases that failed, or whose file was cut off, are run again, and
-    so is all of another configuration or version. Records do not depend on where the cases ran,
-    `seconds` of processor time aside.
-
-    Args:
-        work: case -> values of JSON's types; its NaN and infinities become None.
-        folder: takes a file for every case; created where it is missing.
-        keep: called in this process with every new result; returns what its record holds.
-        on_progress: called with cases done, reused ones included, and all.
-    Raises:
-        ValueError: where cases repeat. OSError: where `folder` cannot be written.
-    """
-    head = _pure({"version": version("np_drake"), "config": config})
-    names = [case_file(case, head) for case in cases]
-    require(len(set(names)) == len(names), "campaign: cases must differ from each other.")
-    records: dict[int, Record] = {}
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        found = {number: kept_json(folder / name) for number, name in enumerate(names)}
-        records = {
-            n: record
-            for n, record in found.items()
-            if isinstance(record, dict) and "result" in record
-        }
-    left = [number for number in range(len(cases)) if number not in records]
-    if records:
-        on_progress(len(records), len(cases))
-    if not left:  # nor is a process or a cluster asked for
-        return [records[number] for number in range(len(cases))]
-    work_left = [cases[number] for number in left]
-    guarded = partial(_guarded, work, head["version"])
-    outcomes = (
-        on_cluster(guarded, work_left, scheduler)
-        if scheduler
-        else as_they_finish(guarded, work_left, jobs)
-    )
-    for at, outcome in outcomes:
-        if isinstance(outcome, FailedRun):
-            outcome = {"error": one_line(outcome), "seconds": None}
-        elif "result" in outcome:
-            outcome = {**outcome, "result": keep(work_left[at], _pure(outcome["result"]))}
-        record = records[left[at]] = _pure({"case": work_left[at], **outcome})
-        if folder is not None:
-            write_text(folder / names[left[at]], json.dumps(record, indent=1) + "\n")
-        on_progress(len(records), len(cases))
-    return [records[number] for number in range(len(cases))]
-
-
 def case_file(case: Case, head: dict) -> str:
     """Return the name of the case's file: a digest of all that its result depends on."""
     text = json.dumps(plain([head, case]), sort_keys=True, allow_nan=False)
@@ -291,16 +229,63 @@ class Workers:
                 pass
         return self
 
-    def run(self, work: Callable[[Case], dict], cases: Sequence[Case], **more: Any) -> list[Record]:
-        """Return the records of the cases; further arguments as of `run_campaign`."""
-        shared: dict[str, Any] = {
-            "folder": self.folder,
-            "jobs": self.jobs,
-            "scheduler": self.scheduler,
-        }
-        records = run_campaign(work, cases, **shared, **more)
-        self.finished.extend(records)
-        return records
+    def run(
+        self,
+        work: Callable[[Case], dict],
+        cases: Sequence[Case],
+        *,
+        config: dict,
+        keep: Callable[[Case, dict], dict] = lambda case, result: result,
+        on_progress: Callable[[int, int], None] = lambda done, total: None,
+    ) -> list[Record]:
+        """Run all cases of a campaign and return a record of each, in their order.
+
+        A record is {"case", "result", "seconds"}, or {"case", "error": one line, "seconds"}.
+        Results already in `folder` are reused; cases that failed, or whose file was cut off, are
+        run again, and so is all of another configuration or version. Records do not depend on where
+        the cases ran, `seconds` of processor time aside.
+
+        Args:
+            work: case -> values of JSON's types; its NaN and infinities become None.
+            keep: called in this process with every new result; returns what its record holds.
+            on_progress: called with cases done, reused ones included, and all.
+        Raises:
+            ValueError: where cases repeat. OSError: where `folder` cannot be written.
+        """
+        head, folder = _pure({"version": version("np_drake"), "config": config}), self.folder
+        names = [case_file(case, head) for case in cases]
+        require(len(set(names)) == len(names), "campaign: cases must differ from each other.")
+        records: dict[int, Record] = {}
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            found = {number: kept_json(folder / name) for number, name in enumerate(names)}
+            records = {
+                n: record
+                for n, record in found.items()
+                if isinstance(record, dict) and "result" in record
+            }
+        left = [number for number in range(len(cases)) if number not in records]
+        if records:
+            on_progress(len(records), len(cases))
+        work_left = [cases[number] for number in left]
+        guarded = partial(_guarded, work, head["version"])
+        outcomes = (
+            on_cluster(guarded, work_left, self.scheduler)
+            if self.scheduler and left  # else no cluster is asked for, nor a process
+            else as_they_finish(guarded, work_left, self.jobs)
+        )
+        for at, outcome in outcomes:
+            if isinstance(outcome, FailedRun):
+                outcome = {"error": one_line(outcome), "seconds": None}
+            elif "result" in outcome:
+                outcome = {**outcome, "result": keep(work_left[at], _pure(outcome["result"]))}
+            record = records[left[at]] = _pure({"case": work_left[at], **outcome})
+            if folder is not None:
+                write_text(folder / names[left[at]], json.dumps(record, indent=1) + "\n")
+            on_progress(len(records), len(cases))
+        in_order = [records[number] for number in range(len(cases))]
+        self.finished.extend(in_order)
+        return in_order
 
     def cost(self) -> list[str]:
         """Return the line on the processor time of all cases; none where there is no case."""

@@ -186,7 +186,7 @@ def estimation_table(
     forecast on, and the stability of windows by configuration and flight.
 
     Args:
-        config: what the models depend on, as of `run_campaign`.
+        config: what the models depend on, as of `Workers.run`.
     Raises: FailedRun: where a model has no result on a flight, as when it is too short.
     """
     first = max(model.warm_up for model in models.values())

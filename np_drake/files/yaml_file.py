@@ -87,7 +87,8 @@ def _check_numbers(
     fits = np.shape(value) == shape and np.all(np.isfinite(value))
     if fits and np.min(value) >= least and np.max(value) <= most:
         return
-    words = WORDS.get(bounds, f"{least:g} to {most:g}")
+    between = f"positive, {most:g} at most" if least == POSITIVE else f"{least:g} to {most:g}"
+    words = WORDS.get(bounds, between)
     count = f"{' x '.join(map(str, shape))} numbers, each " if shape else ""
     remedy = f" Is it in {unit}?" if most < math.inf and unit != "1" else ""
     raise ValueError(f"{name} must be {count}{words} [{unit}]; got {value}.{remedy}")

@@ -51,11 +51,10 @@ class ReferenceConfig:
         """
         who = "ReferenceConfig:"
         check_fields(self, "ReferenceConfig")
-        if self.track not in TRACKS and not self.is_file:
-            known = ", ".join(TRACKS)
-            raise ValueError(
-                f"{who} track must be one of {known} or a CSV file; got {self.track!r}."
-            )
+        require(
+            self.track in TRACKS or self.is_file,
+            f"{who} track must be one of {', '.join(TRACKS)} or a CSV file; got {self.track!r}.",
+        )
         require(
             self.track != "vertical" or self.rise < self.height,
             f"{who} rise must be below height, or the track leads into the ground; got "
@@ -73,7 +72,7 @@ class ReferenceConfig:
         if self.is_file:
             self._file()
         require(
-            self.corners == ROUND,
+            self.is_file or self.corners == ROUND,
             f"{who} corners is for the waypoints of a CSV file; got {self.corners} and "
             f"{self.track}.",
         )
