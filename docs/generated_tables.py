@@ -17,9 +17,8 @@ from itertools import groupby
 from typing import Any
 
 from diagrams.exports.formats import coverage_markdown
-from np_drake.effects.base import Effect
+from np_drake.effects.base import Effect, Parameter
 from np_drake.effects.library import BESIDE_NEIGHBOURS, MEASURED_ROTORS, effects_for, in_scenarios
-from np_drake.effects.parameter import Parameter
 from np_drake.files.yaml_file import fields_of
 
 MARK = re.compile(r"<!-- (\w+)([\w. ]*) -->")

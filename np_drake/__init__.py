@@ -14,7 +14,7 @@ NAMES = {
     "load_vehicle": "np_drake.vehicle",
     "FlightLog": "np_drake.flight_log",
     "open_flights": "np_drake.logs.opening",
-    "open_case": "np_drake.logs.case_folder",
+    "open_case": "np_drake.logs.opening",
     "circle": "np_drake.references.harmonic",
     "lemniscate": "np_drake.references.harmonic",
     "effects": "np_drake.effects",

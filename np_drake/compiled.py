@@ -93,3 +93,13 @@ def turned(w, x, y, z, a, b, c):
         b + 2 * (w * j + z * i - x * k),
         c + 2 * (w * k + x * j - y * i),
     )
+
+
+@compiled
+def times(M, a, b, c):
+    """Return a matrix (3, 3) times a vector, entry by entry."""
+    return (
+        M[0, 0] * a + M[0, 1] * b + M[0, 2] * c,
+        M[1, 0] * a + M[1, 1] * b + M[1, 2] * c,
+        M[2, 0] * a + M[2, 1] * b + M[2, 2] * c,
+    )

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.files.notebook import data_frame, html_table
 from np_drake.vehicle.rotor_layout import RotorLayout
 
@@ -42,16 +43,14 @@ class Neighbour:
 
     def __post_init__(self) -> None:
         """Raise ValueError where that is no path."""
-        if np.ndim(self.t) != 1 or np.shape(self.p) != (len(self.t), 3) or len(self.t) < 2:
-            raise ValueError(
-                f"{self.name}: must have times (n,) and positions (n, 3), two rows at least."
-            )
-        if not (
-            np.isfinite(self.t).all() and np.isfinite(self.p).all() and (np.diff(self.t) > 0).all()
-        ):
-            raise ValueError(
-                f"{self.name}: must have finite positions at finite, increasing times."
-            )
+        require(
+            np.ndim(self.t) == 1 and np.shape(self.p) == (len(self.t), 3) and len(self.t) >= 2,
+            f"{self.name}: must have times (n,) and positions (n, 3), two rows at least.",
+        )
+        require(
+            np.isfinite(self.t).all() and np.isfinite(self.p).all() and (np.diff(self.t) > 0).all(),
+            f"{self.name}: must have finite positions at finite, increasing times.",
+        )
 
     def at(self, t: np.ndarray | float) -> np.ndarray:
         """Return the position in W at t (...,) [s], (..., 3) [m]; NaN before its first row and

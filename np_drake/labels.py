@@ -14,6 +14,7 @@ import numpy as np
 from scipy import signal
 
 from np_drake import rigid_body
+from np_drake.checks import require
 from np_drake.compiled import compiled, finite
 from np_drake.flight_log import FlightLog
 from np_drake.residual_model import Memory
@@ -42,12 +43,11 @@ class LabelConfig:
         Raises: ValueError: where one is impossible.
         """
         for name in ("force_bandwidth", "torque_bandwidth"):
-            if not getattr(self, name) > 0:
-                raise ValueError(
-                    f"LabelConfig: {name} must be positive [Hz]; got {getattr(self, name)}."
-                )
-        if self.order not in (1, 2, 3, 4):
-            raise ValueError(f"LabelConfig: order must be 1 … 4; got {self.order}.")
+            require(
+                getattr(self, name) > 0,
+                f"LabelConfig: {name} must be positive [Hz]; got {getattr(self, name)}.",
+            )
+        require(self.order in (1, 2, 3, 4), f"LabelConfig: order must be 1 … 4; got {self.order}.")
         return self
 
     @property
@@ -68,11 +68,11 @@ class LabelConfig:
         if np.isinf(bandwidth):
             return np.tile([1.0, 0.0, 0.0, 1.0, 0.0, 0.0], ((self.order + 1) // 2, 1))
         nyquist = 0.5 / step
-        if bandwidth >= nyquist:
-            raise ValueError(
-                f"LabelConfig: bandwidth must lie below half the sampling rate, {nyquist:.3g} Hz; "
-                f"got {bandwidth:.3g} Hz."
-            )
+        require(
+            bandwidth < nyquist,
+            f"LabelConfig: bandwidth must lie below half the sampling rate, {nyquist:.3g} Hz; "
+            f"got {bandwidth:.3g} Hz.",
+        )
         return signal.butter(self.order, bandwidth / nyquist, output="sos")
 
 
@@ -109,8 +109,7 @@ class LabelFilter:
     """
 
     def __init__(self, vehicle: Vehicle, config: LabelConfig | None = None, *, step: float) -> None:
-        if not 0 < step < np.inf:
-            raise ValueError(f"LabelFilter: step must be positive [s]; got {step}.")
+        require(0 < step < np.inf, f"LabelFilter: step must be positive [s]; got {step}.")
         self._vehicle = vehicle
         self._filters = (config or default_labels(vehicle)).check().filters(step)
         self._sections = len(self._filters[0][1])

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.files.yaml_file import POSITIVE, check_fields, number, word
 
 
 @dc.dataclass
@@ -15,45 +17,27 @@ class PayloadConfig:
     """Payload and tether of the simulated vehicle."""
 
     # cable: tension-only spring-damper | rod: universal joint and massless rod | none: no payload
-    tether: str = "cable"
-    mass: float = 0.26  # of the payload [kg]
-    length: float = 0.8  # of the tether [m]
-    hook: list[float] = dc.field(
-        default_factory=lambda: [0.0, 0.0, -0.025]
-    )  # p_BoTo_B, the attachment [m]
-    radius: float = 0.03  # of the solid sphere that the payload is [m]
-    stiffness: float = 2.0e4  # of the cable [N/m]
-    damping: float = 40.0  # of the cable [N·s/m]
-    air_damping: float = 0.0  # drag of the payload in still air over mass and velocity [1/s]
+    tether: str = word("cable", "cable", "rod", "none")
+    mass: float = number(0.26, "kg", POSITIVE)  # of the payload
+    length: float = number(0.8, "m", POSITIVE)  # of the tether
+    hook: list[float] = number([0.0, 0.0, -0.025], "m")  # p_BoTo_B, the attachment
+    radius: float = number(0.03, "m", POSITIVE)  # of the solid sphere that the payload is
+    stiffness: float = number(2.0e4, "N/m", POSITIVE)  # of the cable
+    damping: float = number(40.0, "N·s/m", 0.0)  # of the cable
+    # drag of the payload in still air over mass and velocity
+    air_damping: float = number(0.0, "1/s", 0.0)
 
     def check(self) -> "PayloadConfig":
         """Return self after checking tether and sizes.
 
         Raises: ValueError: on an unknown tether or an impossible size.
         """
-        if self.tether not in ("cable", "rod", "none"):
-            raise ValueError(
-                f"PayloadConfig: tether must be cable, rod or none; got {self.tether!r}."
-            )
-        for name in ("mass", "length", "radius", "stiffness"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(
-                    f"PayloadConfig: {name} must be positive and finite; got {getattr(self, name)}."
-                )
-        if not self.damping >= 0 or np.shape(self.hook) != (3,):
-            raise ValueError(
-                "PayloadConfig: damping must not be negative and hook must be (3,) [m]."
-            )
-        if not 0 <= self.air_damping < np.inf:
-            raise ValueError(
-                f"PayloadConfig: air_damping must be finite and not negative [1/s]; got "
-                f"{self.air_damping}."
-            )
-        if self.tether == "rod" and self.air_damping:
-            raise ValueError(
-                f"PayloadConfig: air_damping must be 0 on a rod [1/s]; got "
-                f"{self.air_damping}. Use a cable."
-            )
+        check_fields(self, "PayloadConfig")
+        require(
+            self.tether != "rod" or not self.air_damping,
+            f"PayloadConfig: air_damping must be 0 on a rod [1/s]; got "
+            f"{self.air_damping}. Use a cable.",
+        )
         return self
 
 
@@ -81,45 +65,33 @@ def as_light(payload: PayloadConfig) -> PayloadConfig:
     return dc.replace(payload, stiffness=share * payload.stiffness, damping=share * payload.damping)
 
 
-EVENTS = ("attach", "impulse", "release")
-
-
 @dc.dataclass
 class PayloadEvent:
     """Instantaneous change of a payload on a cable."""
 
-    kind: str = (
-        "impulse"  # attach: more is hung on | impulse: it is pushed | release: the cable is cut
-    )
-    time: float = 0.0  # at which it happens [s]
-    mass: float = 0.0  # of kind attach: what is hung on the payload and moves with it [kg]
-    impulse: list[float] = dc.field(
-        default_factory=lambda: [0.0, 0.0, 0.0]
-    )  # of kind impulse, in W [N·s]
+    # attach: more is hung on | impulse: it is pushed | release: the cable is cut
+    kind: str = word("impulse", "attach", "impulse", "release")
+    time: float = number(0.0, "s", POSITIVE)  # at which it happens
+    # of kind attach: what is hung on the payload and moves with it
+    mass: float = number(0.0, "kg", 0.0)
+    impulse: list[float] = number([0.0, 0.0, 0.0], "N·s")  # of kind impulse, in W
 
     def check(self) -> "PayloadEvent":
         """Return self after checking kind, time and size.
 
         Raises: ValueError: on an unknown kind or an impossible value.
         """
-        if self.kind not in EVENTS:
-            raise ValueError(f"events: kind must be one of {', '.join(EVENTS)}; got {self.kind!r}.")
-        if not 0 < self.time < np.inf:
-            raise ValueError(f"events: time must be positive and finite [s]; got {self.time}.")
-        if not 0 <= self.mass < np.inf or (self.kind == "attach") != (self.mass > 0):
-            raise ValueError(
-                f"events: mass must be positive for kind attach and 0 for another [kg]; "
-                f"got {self.mass}."
-            )
-        if np.shape(self.impulse) != (3,) or not np.isfinite(self.impulse).all():
-            raise ValueError(
-                f"events: impulse must be three finite values [N·s]; got {self.impulse}."
-            )
-        if (self.kind == "impulse") != bool(np.any(self.impulse)):
-            raise ValueError(
-                f"events: impulse must be given for kind impulse alone [N·s]; got "
-                f"{self.impulse} for {self.kind}."
-            )
+        check_fields(self, "events")
+        require(
+            (self.kind == "attach") == (self.mass > 0),
+            f"events: mass must be positive for kind attach and 0 for another [kg]; "
+            f"got {self.mass}.",
+        )
+        require(
+            (self.kind == "impulse") == bool(np.any(self.impulse)),
+            f"events: impulse must be given for kind impulse alone [N·s]; got "
+            f"{self.impulse} for {self.kind}.",
+        )
         return self
 
 

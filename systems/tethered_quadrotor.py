@@ -11,6 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource
 
+from np_drake.checks import require
 from np_drake.effects.base import ActuatorEffect, MassEffect, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets, acting, mass_properties
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
@@ -74,15 +75,15 @@ def make_tethered_quadrotor(
         impossible.
     """  # noqa: E501
     payload.check()
-    if events and payload.tether != "cable":
-        raise ValueError(
-            f"make_tethered_quadrotor: events need a payload on a cable; got {payload.tether}."
-        )
-    if any(isinstance(effect, SuspendedPayload) for effect in wrench_effects):
-        raise ValueError(
-            "make_tethered_quadrotor: suspended_payload must be a body here, not a wrench effect; "
-            "pass payload=payload_config(effect)."
-        )
+    require(
+        not events or payload.tether == "cable",
+        f"make_tethered_quadrotor: events need a payload on a cable; got {payload.tether}.",
+    )
+    require(
+        all(not isinstance(effect, SuspendedPayload) for effect in wrench_effects),
+        "make_tethered_quadrotor: suspended_payload must be a body here, not a wrench effect; "
+        "pass payload=payload_config(effect).",
+    )
     builder = DiagramBuilder()
     first = acting(mass_effects, onsets, 0.0)
     plant = builder.AddSystem(make_plant(vehicle, payload, first))

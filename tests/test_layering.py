@@ -19,7 +19,7 @@ DIAGNOSIS = (
     *("gap", "doctor", "report", "diagnose"),
 )
 GROUND = (
-    *("lazy_names", "attitude", "compiled", "files", "metrics", "vehicle"),
+    *("lazy_names", "attitude", "compiled", "checks", "files", "metrics", "vehicle"),
     *("flight_log", "rigid_body", "rotor_input", "residual_model", "command_delay", "labels"),
     *("training_data", "identification", "effects", "logs", "references", "diagnosis"),
     *("mpc", "control", "autopilot"),

@@ -19,8 +19,7 @@ import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
-from diagrams.batch.failed_run import one_line
-from diagrams.batch.run import Table
+from diagrams.batch.run import Table, one_line
 from diagrams.loop.controllers import add_controller
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import Watch
@@ -37,6 +36,7 @@ from np_drake.autopilot.offboard import (
     out_of_limits,
 )
 from np_drake.autopilot.simulated import rates_towards, throttle_of, thrust_of
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.mpc.problem import MpcStatus
 from np_drake.rigid_body import P, Q, V, W
@@ -68,10 +68,10 @@ def make_companion_diagram(config: FlightConfig) -> Diagram:
     | rates_thrust | 4 | what it is to follow | N, rad/s |
     Raises: ValueError: where it does not.
     """
-    if config.controller.mpc.command != "rates":
-        raise ValueError(
-            f"{config.name}: controller.mpc.command must be rates beside an autopilot; got rotors."
-        )
+    require(
+        config.controller.mpc.command == "rates",
+        f"{config.name}: controller.mpc.command must be rates beside an autopilot; got rotors.",
+    )
     builder = DiagramBuilder()
     wires = {
         name: builder.AddNamedSystem(name, PassThrough(size))
@@ -184,12 +184,12 @@ class Node:
         self.config, self._limits = config, config.offboard.check()
         self._link, self._worker = link, worker
         ticks = config.controller.period * config.offboard.rate
-        if abs(ticks - round(ticks)) > 1e-6 or ticks < 1 - 1e-6:
-            raise ValueError(
-                f"offboard: rate must be a whole multiple of the controller's, "
-                f"{1 / config.controller.period:g} Hz; "
-                f"got {config.offboard.rate:g}."
-            )
+        require(
+            abs(ticks - round(ticks)) <= 1e-6 and ticks >= 1 - 1e-6,
+            f"offboard: rate must be a whole multiple of the controller's, "
+            f"{1 / config.controller.period:g} Hz; "
+            f"got {config.offboard.rate:g}.",
+        )
         vehicle = config.controller.believed(config.vehicle)
         self._vehicle, self._weight = vehicle, vehicle.mass * vehicle.gravity
         self._loop = vehicle.rate_loop or RateLoop()

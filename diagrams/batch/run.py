@@ -7,18 +7,203 @@ A study knows neither console nor files of its report. Called from Python it is 
     report = tracking.run(Run(seed=1000), seeds=3)
 
 `np-drake reproduce` gives it a progress bar, prints the tables and writes what was asked for.
+
+Its cases make a resumable campaign: each ends in a file and fails by itself, in processes of this
+machine by joblib or of a Dask cluster (extra `cluster`). A process that dies costs only the case
+that killed it. A case is plain data; the work is a function of it alone. Where it runs does not
+change the results.
 """
 
+import asyncio
+import base64
 import dataclasses as dc
+import hashlib
+import io
+import json
+import os
+import socket
 import tempfile
+import traceback
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
+from functools import partial
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from diagrams.batch.campaign import Case, Record, connect, run_campaign
-from diagrams.batch.failed_run import FailedRun
-from np_drake.files.atomic_file import require_writable
+import numpy as np
+
+from np_drake.checks import require as require
+from np_drake.files.file_access import kept_json, plain, require_writable, write_text
+
+
+class FailedRun(RuntimeError):
+    """Failure of a run, in one line for people: who failed, when, and why."""
+
+
+def one_line(error: Exception) -> str:
+    """Return what went wrong, and where if the error was not expected."""
+    text = " ".join(str(error).split()) or "no message"
+    foreseen = (
+        isinstance(error, FailedRun | ValueError | OSError)
+        and type(error) is not UnicodeDecodeError
+    )
+    if foreseen or error.__traceback__ is None:
+        return text
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {text} ({Path(last.filename).name}:{last.lineno})"
+
+
+Case = dict[str, Any]
+Record = dict[str, Any]
+
+
+def case_file(case: Case, head: dict) -> str:
+    """Return the name of the case's file: a digest of all that its result depends on."""
+    text = json.dumps(plain([head, case]), sort_keys=True, allow_nan=False)
+    return f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.json"
+
+
+def _guarded(work: Callable[[Case], dict], mine: str, case: Case) -> Record:
+    """Return {"result"} or {"error"}, and processor time "seconds" [s]: no error has to travel."""
+    start = os.times()
+    try:
+        if (found := version("np_drake")) != mine:
+            raise FailedRun(f"{socket.gethostname()}: np_drake must be {mine}; got {found}.")
+        record: Record = {"result": plain(work(case))}
+        json.dumps(record, allow_nan=False)  # what JSON does not know fails this case alone
+    except Exception as error:
+        record = {"error": one_line(error)}
+    end = os.times()  # of this process and its finished children
+    return {**record, "seconds": sum(end[:4]) - sum(start[:4])}
+
+
+def _pure(content: Any) -> Any:
+    """Return the value as it comes back from a file."""
+    return json.loads(json.dumps(plain(content), allow_nan=False))
+
+
+def packed(arrays: Mapping[str, np.ndarray]) -> str:
+    """Return arrays as .npz in base 64, bit for bit, for the result of a case."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+def unpacked(text: str) -> dict[str, np.ndarray]:
+    """Return the arrays of `packed`; nothing pickled is read."""
+    with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as content:
+        return {name: content[name] for name in content.files}
+
+
+PATIENCE = 10.0  # until a scheduler that does not answer counts as unreachable [s]
+
+
+def as_they_finish(
+    work: Callable[[Any], Any], cases: Sequence[Any], jobs: int
+) -> Iterator[tuple[int, Any]]:
+    """Yield (number of the case, what `work` returns), in the order in which they finish.
+
+    The work never runs in this process; what it raises ends all. When a process dies, the oldest
+    cases run once more, each alone, and what dies again has a FailedRun in place of a value.
+    """
+    left = dict(enumerate(cases))
+    while left:
+        try:
+            yield from _together(work, left, jobs)
+        except BrokenProcessPool:
+            for suspect in list(left)[: 2 * jobs]:  # more are not dispatched
+                alone = {suspect: left.pop(suspect)}
+                try:
+                    yield from _together(work, alone, 1)
+                except BrokenProcessPool as error:
+                    why = " ".join(str(error).split())
+                    yield suspect, FailedRun(f"lost: its process died twice; {why}")
+
+
+def _together(
+    work: Callable[[Any], Any], left: dict[int, Any], jobs: int
+) -> Iterator[tuple[int, Any]]:
+    """Yield what finishes, and take it from the cases that are left."""
+    from joblib import Parallel, delayed, parallel_config  # takes a while: not where nothing is run
+
+    # Of processes that have grown and are replaced between two cases, and of a campaign that ends.
+    warnings.filterwarnings("ignore", module="joblib")
+    tasks = [delayed(_numbered)(work, number, case) for number, case in left.items()]
+    with parallel_config("loky", inner_max_num_threads=1):
+        parallel = Parallel(
+            max(jobs, 2),  # of which one idles where jobs is 1: Parallel(1) would work here
+            pre_dispatch=jobs,
+            batch_size=1,
+            max_nbytes=None,
+            return_as="generator_unordered",
+        )
+    for number, value in parallel(tasks):
+        del left[number]
+        yield number, value
+
+
+def _numbered(work: Callable[[Any], Any], number: int, case: Any) -> tuple[int, Any]:
+    return number, work(case)
+
+
+def on_cluster(
+    work: Callable[[Any], Any], cases: Sequence[Any], address: str
+) -> Iterator[tuple[int, Any]]:
+    """Yield as `as_they_finish`; Dask itself tries a case again whose worker dies.
+
+    Raises: ValueError: as `connect`.
+    """
+    from distributed import KilledWorker, as_completed
+
+    with connect(address) as client:
+        futures = client.map(work, cases, pure=False)
+        numbers = {future: number for number, future in enumerate(futures)}
+        suspects = []
+        for future in as_completed(futures, loop=client.loop):
+            try:
+                yield numbers[future], future.result()
+            except KilledWorker:
+                suspects.append(numbers[future])
+        for number in suspects:  # alone, only the one that killed its workers does so again
+            try:
+                yield number, client.submit(work, cases[number], pure=False).result()
+            except KilledWorker as error:
+                yield number, FailedRun(f"lost: its workers died; {error}")
+
+
+@contextmanager
+def connect(address: str, patience: float = PATIENCE) -> Iterator[Any]:
+    """Yield a `distributed.Client`.
+
+    Raises: ValueError: without the extra, or where no scheduler answers within `patience` [s], or
+        where a worker has several threads, of which all cases die with one.
+    """
+    require(
+        find_spec("distributed") is not None,
+        "--scheduler: its packages must be installed; pip install 'np_drake[cluster]'.",
+    )
+    from distributed import Client
+    from distributed.comm import connect as reach
+
+    async def answers() -> None:  # Dask's own limit does not hold for its handshake
+        await (await asyncio.wait_for(reach(address, timeout=patience), patience)).close()
+
+    try:
+        asyncio.run(answers())  # first: a client that never connects leaves a thread
+        connected = Client(address, timeout=patience, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:  # unreachable, or no address at all
+        raise ValueError(f"--scheduler: no Dask scheduler answers at {address!r}.") from error
+    with connected:
+        require(
+            max(connected.nthreads().values(), default=1) <= 1,
+            "--scheduler: workers must have one thread each; start them with --nthreads 1.",
+        )
+        yield connected
+
 
 Advance = Callable[..., None]  # (done, text="")
 Table = tuple[str, list[str], list[tuple]]  # title, header, rows
@@ -44,16 +229,63 @@ class Workers:
                 pass
         return self
 
-    def run(self, work: Callable[[Case], dict], cases: Sequence[Case], **more: Any) -> list[Record]:
-        """Return the records of the cases; further arguments as of `run_campaign`."""
-        shared: dict[str, Any] = {
-            "folder": self.folder,
-            "jobs": self.jobs,
-            "scheduler": self.scheduler,
-        }
-        records = run_campaign(work, cases, **shared, **more)
-        self.finished.extend(records)
-        return records
+    def run(
+        self,
+        work: Callable[[Case], dict],
+        cases: Sequence[Case],
+        *,
+        config: dict,
+        keep: Callable[[Case, dict], dict] = lambda case, result: result,
+        on_progress: Callable[[int, int], None] = lambda done, total: None,
+    ) -> list[Record]:
+        """Run all cases of a campaign and return a record of each, in their order.
+
+        A record is {"case", "result", "seconds"}, or {"case", "error": one line, "seconds"}.
+        Results already in `folder` are reused; cases that failed, or whose file was cut off, are
+        run again, and so is all of another configuration or version. Records do not depend on where
+        the cases ran, `seconds` of processor time aside.
+
+        Args:
+            work: case -> values of JSON's types; its NaN and infinities become None.
+            keep: called in this process with every new result; returns what its record holds.
+            on_progress: called with cases done, reused ones included, and all.
+        Raises:
+            ValueError: where cases repeat. OSError: where `folder` cannot be written.
+        """
+        head, folder = _pure({"version": version("np_drake"), "config": config}), self.folder
+        names = [case_file(case, head) for case in cases]
+        require(len(set(names)) == len(names), "campaign: cases must differ from each other.")
+        records: dict[int, Record] = {}
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            found = {number: kept_json(folder / name) for number, name in enumerate(names)}
+            records = {
+                n: record
+                for n, record in found.items()
+                if isinstance(record, dict) and "result" in record
+            }
+        left = [number for number in range(len(cases)) if number not in records]
+        if records:
+            on_progress(len(records), len(cases))
+        work_left = [cases[number] for number in left]
+        guarded = partial(_guarded, work, head["version"])
+        outcomes = (
+            on_cluster(guarded, work_left, self.scheduler)
+            if self.scheduler and left  # else no cluster is asked for, nor a process
+            else as_they_finish(guarded, work_left, self.jobs)
+        )
+        for at, outcome in outcomes:
+            if isinstance(outcome, FailedRun):
+                outcome = {"error": one_line(outcome), "seconds": None}
+            elif "result" in outcome:
+                outcome = {**outcome, "result": keep(work_left[at], _pure(outcome["result"]))}
+            record = records[left[at]] = _pure({"case": work_left[at], **outcome})
+            if folder is not None:
+                write_text(folder / names[left[at]], json.dumps(record, indent=1) + "\n")
+            on_progress(len(records), len(cases))
+        in_order = [records[number] for number in range(len(cases))]
+        self.finished.extend(in_order)
+        return in_order
 
     def cost(self) -> list[str]:
         """Return the line on the processor time of all cases; none where there is no case."""
@@ -78,7 +310,7 @@ class Run:
     """Seed, folders, workers and progress bar of one run.
 
     out: folder for figures and models; None: `scratch`.
-    bar: shows progress, as `silent` does not.
+    bar: of (title, total), shows progress and yields `advance(done, text)`; `silent` shows none.
     """
 
     seed: int = 0
@@ -93,15 +325,11 @@ class Run:
         """Folder of `--out`, created on first use; else a scratch folder that ends with the run."""
         return make_folder(self.out) if self.out else self.scratch
 
-    def progress(self, title: str, total: float = 1.0) -> AbstractContextManager[Advance]:
-        """Show a progress bar up to `total` and yield `advance(done, text)`."""
-        return self.bar(title, total)
-
     @contextmanager
     def counting(self, title: str, what: str = "") -> Iterator[Callable[[int, int], None]]:
-        """Show a progress bar and yield `on_progress(done, total)`."""
+        """Show a progress bar and yield `on_progress(done, total)`, in `what` is counted."""
         with self.bar(title, 1.0) as advance:
-            yield counted(advance, what)
+            yield lambda done, total: advance(done / total, f"{done} of {total} {what}".rstrip())
 
     def cases(
         self,
@@ -135,11 +363,6 @@ class Report:
     )  # by file name in --out
     write: Callable[[Path], None] | None = None  # writes further files into the folder of --out
     failure: Exception | None = None  # raised when all is written and printed
-
-
-def counted(advance: Advance, what: str = "") -> Callable[[int, int], None]:
-    """Return an `on_progress(done, total)` that moves a bar of total 1."""
-    return lambda done, total: advance(done / total, f"{done} of {total} {what}".rstrip())
 
 
 def part_of(advance: Advance, before: float, share: float = 1.0) -> Advance:

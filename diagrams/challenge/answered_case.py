@@ -11,9 +11,10 @@ from jsonschema import Draft202012Validator
 from jsonschema.protocols import Validator
 from jsonschema.validators import extend
 
+from diagrams.batch.run import require
 from diagrams.challenge.truth import TRUTH_FILE
 from np_drake.diagnosis.result import UNKNOWN
-from np_drake.files.input_file import read_json
+from np_drake.files.file_access import read_json
 from np_drake.files.yaml_file import shown
 
 ANSWER_FILE = "diagnosis.json"
@@ -119,15 +120,16 @@ def read_answered_cases(answers: Path, truth: Path, least: float = VISIBLE) -> l
         for file in sorted(truth.rglob(TRUTH_FILE))
         if file.parent != truth
     ]
-    if not names:
-        raise ValueError(f"{truth}: must hold <case>/{TRUTH_FILE}; got none.")
+    require(bool(names), f"{truth}: must hold <case>/{TRUTH_FILE}; got none.")
     cases = []
     for name in names:
         file, known = answers / name / ANSWER_FILE, read_checked(truth / name / TRUTH_FILE, TRUTH)
         answer = read_checked(file, ANSWER) if file.is_file() else None
         lists = (known["effects"], known["class"], known.get("within_tolerance", known["effects"]))
-        if len(set(map(len, lists))) > 1:
-            place = truth / name / TRUTH_FILE
-            raise ValueError(f"{place}: class and within_tolerance must hold one for each effect.")
+        require(
+            len(set(map(len, lists))) == 1,
+            f"{truth / name / TRUTH_FILE}: class and within_tolerance must hold one for each "
+            f"effect.",
+        )
         cases.append(AnsweredCase(str(name), known, answer, least))
     return cases

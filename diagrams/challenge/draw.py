@@ -13,10 +13,9 @@ from diagrams.challenge.out_of_library import DEVELOPMENT, DRAWS, HOLDOUT
 from diagrams.challenge.plans import Plan, draw_plans
 from diagrams.challenge.sensors import CLEAN as IDEAL
 from diagrams.challenge.sensors import SensorQuality, draw_sensor_quality
-from np_drake.effects.base import Effect
+from np_drake.effects.base import Effect, drag_coefficients
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.parameter import drag_coefficients
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 CLEAN, OUT_OF_LIBRARY = "clean", "foreign"  # kinds of cases

@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.batch.failed_run import FailedRun, require
+from diagrams.batch.run import FailedRun, require
 from diagrams.challenge.plans import Plan
 from np_drake import attitude
 from np_drake.control.cascade import CascadeGains, cascade

@@ -11,11 +11,10 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
-from diagrams.batch.failed_run import require
-from diagrams.batch.run import Report, Run, every_result
+from diagrams.batch.run import Report, Run, every_result, require
 from diagrams.challenge.real import block_name, campaign_of, numbered_blocks
 from diagrams.challenge.score_tables import table
-from diagrams.studies.options import REAL_FLIGHTS, RealFlights, required
+from diagrams.studies.options import REAL_FLIGHTS, RealFlights, chosen, required
 from np_drake.flight_log import FlightLog
 from np_drake.labels import ReadsLabels
 from np_drake.lifting.model.lifted_model import LIFTED, PAPER
@@ -29,8 +28,7 @@ from np_drake.residual_models.linear_baselines import fit_dmdc, fit_force_ridge
 from np_drake.residual_models.motion_model import GP, MotionModel, fit_gaussian_process
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.skill.skill import MOTIONS, flight_forecasts
-from np_drake.training_data.segments import Segment
-from np_drake.training_data.training_segments import sampled_flight
+from np_drake.training_data.segments import Segment, sampled_flight
 from np_drake.vehicle import Vehicle
 
 Opened = tuple[FlightLog, Vehicle]
@@ -166,11 +164,10 @@ def run(
     ] = None,
 ) -> Report:
     """Forecast of force and torque on real flights with a payload, one manoeuvre left out."""
-    folder, only = required("payload-flights", folder, REAL_FLIGHTS), only or list(ROWS)
-    if unknown := sorted(set(only) - set(ROWS)):
-        raise ValueError(f"--only: must be of {', '.join(ROWS)}; got {', '.join(unknown)}.")
+    folder, wanted = required("payload-flights", folder, REAL_FLIGHTS), chosen("--only", only, ROWS)
     require(folder.is_dir(), f"{folder}: must be a folder of real flights; it is not there.")
-    names, flights = [name for name in ROWS if name in {PERSISTENCE, *only}], open_campaign(folder)
+    names = [name for name in ROWS if name in {PERSISTENCE, *wanted}]
+    flights = open_campaign(folder)
     cases = [{"manoeuvre": manoeuvre, "row": name} for manoeuvre in flights for name in names]
     title, config = "training and scoring", {"folder": folder.name, "step": STEP}
     records = run.cases(

@@ -10,17 +10,15 @@ from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
-from diagrams.batch.failed_run import FailedRun, require
-from diagrams.batch.run import Workers
+from diagrams.batch.run import FailedRun, Workers, require
 from diagrams.challenge.draw import FILES, NOISE, Case, CaseDraw, case_name, compose, draw_case
 from diagrams.challenge.flight import SIMULATORS, fly, require_rotorpy
 from diagrams.challenge.sensors import QUALITIES, kept_rows, rows_of, with_sensor_noise
 from diagrams.challenge.truth import TRUTH_FILE, GroundTruth
-from np_drake.files.atomic_file import write_json, write_text
-from np_drake.files.input_file import kept_json
+from np_drake.files.file_access import kept_json, write_json, write_text
 from np_drake.flight_log import FlightLog
-from np_drake.logs.case_folder import VEHICLE
 from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.opening import VEHICLE
 from np_drake.vehicle.text import vehicle_text
 
 ATTEMPTS = 12  # draws of one case before the set fails

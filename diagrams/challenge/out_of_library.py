@@ -8,9 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.effects.air_speed import air_velocity_B, chi_from_body
-from np_drake.effects.base import ActuatorEffect, Effect, Motion, WrenchEffect
-from np_drake.effects.parameter import direction, log_uniform, signed
+from np_drake.effects.base import (
+    ActuatorEffect,
+    Effect,
+    Motion,
+    WrenchEffect,
+    air_velocity_B,
+    chi_from_body,
+    direction,
+    log_uniform,
+    signed,
+)
 from np_drake.rigid_body import P, V, W
 from np_drake.vehicle import Vehicle
 

@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 import yaml
 
+from diagrams.batch.run import require
+from diagrams.studies.options import chosen
 from np_drake.flight_log import FlightLog
 from np_drake.logs import opening
-from np_drake.logs.case_folder import with_neighbours
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import crazyflie
 from np_drake.logs.importing.log_map import LogMap, MapFile, load_map_file
+from np_drake.logs.opening import with_neighbours
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.estimate import Measured, estimate
 
@@ -344,12 +346,13 @@ def make_cases(
     Raises: ValueError: if a folder is missing, a group unknown, or no case can be made; LogError:
         if the height of a flight counts and cannot be read.
     """
-    if unknown := sorted(set(only) - set(GROUPS)):
-        raise ValueError(f"--only: must be of {', '.join(GROUPS)}; got {', '.join(unknown)}.")
+    groups = chosen("--only", only, GROUPS)
     for given in (folder, neurobem):
-        if given is not None and not given.is_dir():
-            raise ValueError(f"{given}: must be a folder of real flights; it is not there.")
-    wanted = [campaign for campaign in CAMPAIGNS if not only or campaign.group in only]
+        require(
+            given is None or given.is_dir(),
+            f"{given}: must be a folder of real flights; it is not there.",
+        )
+    wanted = [campaign for campaign in CAMPAIGNS if campaign.group in groups]
     cases: list[Case] = []
     for campaign in wanted:
         files = campaign.files(folder, neurobem)
@@ -364,13 +367,12 @@ def make_cases(
             unused = [path for path in earlier if path not in (*case.train, case.held_out)]
             two = dict.fromkeys((unused * 2)[k % max(len(unused), 1) :][:2])  # in a circle
             cases.append(dc.replace(case, before=tuple(two)))
-    if not cases:
-        places = dict.fromkeys(pattern for campaign in wanted for pattern in campaign.patterns)
-        raise ValueError(
-            f"{folder}: must hold flights enough for a case of "
-            f"{', '.join(c.group for c in wanted)}; got none. They lie in {', '.join(places)}, "
-            "three at least."
-        )
+    places = dict.fromkeys(pattern for campaign in wanted for pattern in campaign.patterns)
+    require(
+        bool(cases),
+        f"{folder}: must hold flights enough for a case of {', '.join(groups)}; got none. They lie "
+        f"in {', '.join(places)}, three at least.",
+    )
     return cases
 
 

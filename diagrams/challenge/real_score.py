@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
-from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.run import Report, Run, Table, failures
+from diagrams.batch.run import FailedRun, Report, Run, Table, failures
 from diagrams.challenge import real
 from diagrams.challenge.answered_case import ANSWER_FILE, REAL_ANSWER, read_checked
 from diagrams.challenge.least_squares import WRENCH, library_columns, select_by_bic
@@ -27,7 +26,7 @@ from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.base import Effect, Motion, WrenchEffect
 from np_drake.effects.combine import split_effects, total_wrench
 from np_drake.effects.library import causes as library_causes
-from np_drake.files.atomic_file import write_json
+from np_drake.files.file_access import write_json
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.signals import Signal
 from np_drake.vehicle import Vehicle

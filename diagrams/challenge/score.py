@@ -17,8 +17,8 @@ from diagrams.challenge.answered_case import AnsweredCase
 from diagrams.challenge.draw import CLEAN, OUT_OF_LIBRARY
 from diagrams.challenge.truth import NO_GAP
 from np_drake.diagnosis.result import UNKNOWN
+from np_drake.effects.base import Parameter
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
-from np_drake.effects.parameter import Parameter
 
 WIDEST = 3  # names that a class may hold, a cause's own included: more tell nothing
 SURE = 0.9  # probability of a cause above which a wrong name counts as a claim

@@ -6,14 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagrams.batch.campaign import Case
-from diagrams.batch.run import Workers
+from diagrams.batch.run import Case, Workers, require
 from diagrams.challenge.answered_case import ANSWER_FILE
 from diagrams.gap.drake_replay import DrakeReplay
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.files.atomic_file import write_json
-from np_drake.files.input_file import kept_json
-from np_drake.logs.case_folder import TRAIN, VEHICLE, open_case
+from np_drake.files.file_access import kept_json, write_json
+from np_drake.logs.opening import TRAIN, VEHICLE, open_case
 
 
 def solve(
@@ -72,10 +70,9 @@ def case_folders(cases: Path) -> list[Path]:
     """
     folders = [path for path in cases.iterdir() if path.is_dir() and not path.name.startswith(".")]
     found = sorted(f for f in folders if (f / VEHICLE).is_file() or any(f.glob(f"{TRAIN}*")))
-    if not found:
-        raise ValueError(
-            f"{cases}: must hold case folders, each with {VEHICLE} and flights; got none."
-        )
+    require(
+        bool(found), f"{cases}: must hold case folders, each with {VEHICLE} and flights; got none."
+    )
     return found
 
 

@@ -13,11 +13,10 @@ import typer
 from typer import Option
 from typer.core import TyperGroup
 
-from diagrams.batch.failed_run import FailedRun, one_line
+from diagrams.batch.run import FailedRun, one_line
 from diagrams.cli import reproduce
 from diagrams.cli.verb import EPILOG, HELP, Verbs, console, discard_output, say
-from np_drake.files.atomic_file import FULL
-from np_drake.files.input_file import guard_inputs
+from np_drake.files.file_access import FULL, guard_inputs
 from np_drake.files.interruption import Ended, last_signal, line
 
 PROGRAM = "np-drake"

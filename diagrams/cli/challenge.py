@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from diagrams.batch.failed_run import require
+from diagrams.batch.run import require
 from diagrams.challenge.answered_case import read_answered_cases
 from diagrams.challenge.make import check_request, make
 from diagrams.challenge.score import score

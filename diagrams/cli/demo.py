@@ -7,8 +7,7 @@ from diagrams.cli.fly import as_config, flights_table
 from diagrams.cli.verb import Jobs, Report, Run, Table, progress, reports, say
 from diagrams.demo.page import cause_rows, meeting_rows, write_demo
 from diagrams.demo.story import HELD_OUT, Demo, run_demo
-from diagrams.studies.columns import percent, tabulate
-from diagrams.studies.options import DEFAULT_SOLVER, Solver
+from diagrams.studies.options import DEFAULT_SOLVER, Solver, percent, tabulate
 from diagrams.studies.tracking import PAPER
 from np_drake.mpc.solvers import require_solver
 

@@ -8,13 +8,12 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from diagrams.batch.failed_run import require
-from diagrams.batch.run import part_of
+from diagrams.batch.run import part_of, require
 from diagrams.cli.verb import LogMap, Report, Run, Table, progress, reports, say, tell
 from diagrams.gap import side_by_side
 from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, with_trial, write_corrected
 from diagrams.gap.drake_replay import DrakeReplay
-from diagrams.studies.columns import tabulate
+from diagrams.studies.options import tabulate
 from np_drake.diagnosis.diagnose import diagnose as five_steps
 from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport, examine
 from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
@@ -24,11 +23,10 @@ from np_drake.diagnosis.residuals import require_flights
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.files.number_text import measure, number, percent, with_unit
 from np_drake.flight_log import FlightLog
-from np_drake.logs.case_folder import CaseFiles, find_case
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.neurobem import is_neurobem
 from np_drake.logs.importing.log_map import load_map_file
-from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
+from np_drake.logs.opening import CaseFiles, Opened, find_case, read_as_logged, with_vehicle
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import left_out, load_vehicle

@@ -18,8 +18,7 @@ from typer import Argument, Option
 
 from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import LinkedFlight
-from diagrams.batch.failed_run import FailedRun, require
-from diagrams.batch.run import part_of
+from diagrams.batch.run import FailedRun, part_of, require
 from diagrams.cli.verb import OUT, Report, Run, Table, VehicleFile, progress, reports, say, tell
 from diagrams.gap.corrected import drawn
 from diagrams.loop import comparison
@@ -39,8 +38,7 @@ from diagrams.loop.flight_result import fly as simulate
 from diagrams.loop.mcap_flight import require_mcap, write_flight_mcap
 from diagrams.loop.own_controller import is_own
 from diagrams.loop.replay import write_replay
-from diagrams.studies.columns import tabulate
-from diagrams.studies.options import DEFAULT_SOLVER, Reality
+from diagrams.studies.options import DEFAULT_SOLVER, Reality, tabulate
 from np_drake.autopilot.betaflight import find_firmware
 from np_drake.autopilot.mavlink import MavlinkLink
 from np_drake.command_delay import LONGEST_DELAY
@@ -247,8 +245,7 @@ def _with_fields(config: FlightConfig, fields: Sequence[str]) -> FlightConfig:
     """
     for text in fields:
         name, sign, value = text.partition("=")
-        if not sign:
-            raise ValueError(f"--set: must be FIELD=VALUE, as reference.speed=2; got {text!r}.")
+        require(bool(sign), f"--set: must be FIELD=VALUE, as reference.speed=2; got {text!r}.")
         try:
             content = yaml.safe_load(value)
             for part in reversed(name.split(".")):

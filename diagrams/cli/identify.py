@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from typer import Argument, Option
 
-from diagrams.batch.failed_run import FailedRun, require
+from diagrams.batch.run import FailedRun, require
 from diagrams.cli.verb import (
     LogMap,
     Report,
@@ -28,7 +28,7 @@ from diagrams.identification.page import (
     summary,
     write_page,
 )
-from diagrams.studies.columns import tabulate
+from diagrams.studies.options import tabulate
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle

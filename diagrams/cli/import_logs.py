@@ -8,15 +8,13 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from diagrams.batch.run import make_folder, part_of
+from diagrams.batch.run import part_of, require
 from diagrams.cli.verb import LogMap, Report, Run, progress, reports, say
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.formats.log_file import SUFFIXES, write_log
 from np_drake.logs.import_sheet import sheet_path, write_sheet
 from np_drake.logs.importing.import_log import Imported, import_log
 from np_drake.logs.importing.log_map import load_map_file
-
-SUFFIXES = (".csv", ".csv.gz", ".parquet")
 
 
 @reports(
@@ -70,8 +68,7 @@ def import_logs(
     """Import flight logs of other formats, with a sheet beside each: what was mapped, turned,
     aligned and left out.
     """
-    if suffix not in SUFFIXES:
-        raise ValueError(f"--suffix must be one of {', '.join(SUFFIXES)}; got {suffix!r}.")
+    require(suffix in SUFFIXES, f"--suffix must be one of {', '.join(SUFFIXES)}; got {suffix!r}.")
     declared = None if log_map is None else load_map_file(log_map)
     how = {"rate": rate, "start": start, "stop": stop, "adopt": adopt}
     rows, written, failures, left = list[tuple](), list[str](), list[str](), list[str]()
@@ -122,7 +119,6 @@ def _write(found: Imported, folder: Path, suffix: str, before: list[str]) -> lis
 
     Raises: LogError: if a file is there already.
     """
-    make_folder(folder)
     targets = [folder / f"{flight.name}{suffix}" for flight in found.flights]
     for path in (p for target in targets for p in (target, sheet_path(target))):
         if path.exists():

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer import Argument, Option
 
+from diagrams.batch.run import require
 from diagrams.cli.verb import (
     OUT,
     OUT_OF_CASES,
@@ -25,7 +26,7 @@ from diagrams.cli.verb import (
     say,
     tell,
 )
-from diagrams.studies.columns import tabulate
+from diagrams.studies.options import tabulate
 
 VERB = "reproduce"
 
@@ -54,8 +55,8 @@ class Study:
 
 STUDIES = {
     "tracking": Study("studies.tracking", "Every controller on circle and lemniscate."),
-    "hover": Study("studies.payload", "Hover while the payload swings.", function="hover"),
-    "attach": Study("studies.payload", "100 g more are hung on in flight.", function="attach"),
+    "hover": Study("studies.tracking", "Hover while the payload swings.", function="hover"),
+    "attach": Study("studies.tracking", "100 g more are hung on in flight.", function="attach"),
     "robustness": Study(
         "studies.robustness", "Payload, tether, speed, air, noise, lag, delay, battery."
     ),
@@ -101,8 +102,7 @@ def reproduce(
 
 def find(name: str) -> Study:
     """Return the study of this name; ValueError where there is none."""
-    if name not in STUDIES:
-        raise ValueError(f"STUDY must be one of {', '.join(STUDIES)}; got {name!r}.")
+    require(name in STUDIES, f"STUDY must be one of {', '.join(STUDIES)}; got {name!r}.")
     return STUDIES[name]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from typer import Argument, Option
 
-from diagrams.batch.failed_run import FailedRun, require
+from diagrams.batch.run import FailedRun, require
 from diagrams.cli.fly import fly_all
 from diagrams.cli.verb import (
     Report,
@@ -28,13 +28,20 @@ from diagrams.cli.verb import (
 )
 from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import training_flight
-from diagrams.studies.columns import tabulate
 from diagrams.studies.learning import flown_share, placed_family, train_on_envelope
-from diagrams.studies.options import Neurobem
+from diagrams.studies.options import Neurobem, tabulate
 from np_drake.files.figure_file import new_figure, save
 from np_drake.files.number_text import number
-from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL, LiftedModel
-from np_drake.lifting.model.model_file import load_model, rotor_lag_of, save_model, schema_of
+from np_drake.lifting.model.lifted_model import (
+    FAMILIES,
+    LIFTED,
+    NEURAL,
+    LiftedModel,
+    load_model,
+    rotor_lag_of,
+    save_model,
+    schema_of,
+)
 from np_drake.lifting.training.network_training import PART
 from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config, suited
 from np_drake.lifting.training.train import train as train_lifted
@@ -50,18 +57,10 @@ from np_drake.payload_filter.model_file import SCHEMAS, PayloadFilterModel
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
 from np_drake.residual_models.linear_baselines import fit_all
 from np_drake.residual_models.motion_model import KNODE, REACTIONS, MotionModel
-from np_drake.residual_models.motion_training import train_motion_model
-from np_drake.residual_models.predictor_training import train_on_flights
-from np_drake.skill.flight_skill import (
-    Model,
-    diverged,
-    flight_stability,
-    label_distances,
-    score_flights,
-)
+from np_drake.residual_models.predictor_training import train_motion_model, train_on_flights
+from np_drake.skill.skill import Model, diverged, flight_stability, label_distances, score_flights
 from np_drake.training_data.accelerations import with_accelerations
-from np_drake.training_data.segments import WrenchSequence
-from np_drake.training_data.training_segments import Flight, require_motion, require_torque
+from np_drake.training_data.segments import Flight, WrenchSequence, require_motion, require_torque
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.scaling import sampling_period
 

@@ -12,12 +12,13 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
+from diagrams.batch.run import require
 from diagrams.cli.verb import Report, Run, Verbs, print_table, reports, require_outputs, say
 from diagrams.exports.formats import FORMATS, SHAPE, not_carried
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, load_flight
 from np_drake.effects.calibration import in_flight
-from np_drake.files.atomic_file import is_regular, lock_outputs, write_text
+from np_drake.files.file_access import is_regular, lock_outputs, write_text
 from np_drake.files.yaml_file import read_yaml
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.estimate import HEAD, Measured, estimate
@@ -89,11 +90,11 @@ def new(
         "--order": order,
     }
     if preset is not None:
-        if given := [o for o, value in measures.items() if value is not None and o != "--mass"]:
-            raise ValueError(
-                f"--preset: goes with --mass, --name and uncertainties alone; got "
-                f"{', '.join(given)}."
-            )
+        given = [o for o, value in measures.items() if value is not None and o != "--mass"]
+        require(
+            not given,
+            f"--preset: goes with --mass, --name and uncertainties alone; got {', '.join(given)}.",
+        )
         text = _copy_of(preset, {"name": name, "mass": mass, **stated})
     else:
         if missing := [option for option, value in measures.items() if value is None]:
@@ -208,8 +209,7 @@ def export(
     ],
 ) -> Report:
     """Write a vehicle as SDF (Gazebo, Drake) or MJCF (MuJoCo), and say what it leaves out."""
-    if to not in NAMES:
-        raise ValueError(f"--format must be one of {', '.join(NAMES)}; got {to!r}.")
+    require(to in NAMES, f"--format must be one of {', '.join(NAMES)}; got {to!r}.")
     vehicle, effects = read_corrected(file)
     form = FORMATS[to]
     account = [*form.write(vehicle, effects, out), *not_carried(vehicle)]

@@ -8,7 +8,7 @@ adds `--seed`, `--out`, `--json` and `--markdown` behind the verb's own options.
 `--jobs` and `--scheduler`, by which the cases of `run.cases(…)` are worked on, and prints their
 processor time at the end.
 
-Only the command line prints. Files appear whole or not at all (`np_drake.files.atomic_file`).
+Only the command line prints. Files appear whole or not at all (`np_drake.files.file_access`).
 """
 
 import dataclasses as dc
@@ -36,15 +36,15 @@ from diagrams.batch.run import Advance as Advance
 from diagrams.batch.run import Report as Report
 from diagrams.batch.run import Run as Run
 from diagrams.batch.run import Table as Table
-from diagrams.batch.run import Workers, make_folder
-from np_drake.files.atomic_file import (
+from diagrams.batch.run import Workers, make_folder, require
+from np_drake.files.file_access import (
+    is_own,
     is_regular,
     lock_outputs,
     require_writable,
     write_json,
     write_text,
 )
-from np_drake.files.input_file import is_own
 from np_drake.files.interruption import end_in_order
 from np_drake.files.number_text import NBSP, NOTHING, number
 
@@ -164,11 +164,11 @@ def reports(
                     report = body(Run(asked["seed"], *paths, workers, progress), **given)
                     _show(dc.replace(report, notes=[*report.notes, *workers.cost()]), out_folder)
                 for name, path in pages.items():
-                    if is_own(path):
-                        raise ValueError(
-                            f"--{name}: {path} is a file that this verb writes itself, and is "
-                            f"kept as such; name another."
-                        )
+                    require(
+                        not is_own(path),
+                        f"--{name}: {path} is a file that this verb writes itself, and is kept as "
+                        f"such; name another.",
+                    )
                 values = {"seed": asked["seed"], "config": report.config, **report.metrics}
                 write_metrics(pages.get("json"), schema, **values)
                 write_markdown(pages.get("markdown"), *report.tables, lines=report.summary)

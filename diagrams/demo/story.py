@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.campaign import as_they_finish
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.run import FailedRun, as_they_finish
 from diagrams.gap.corrected import corrected_simulator
 from diagrams.gap.drake_replay import DrakeReplay
 from diagrams.gap.side_by_side import SideBySide, side_by_side

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.effects.base import MassProperties
 from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.rotor_inflow import AIR_DENSITY
@@ -81,18 +82,16 @@ def corrected(vehicle: Vehicle, effects: Sequence[Any]) -> Corrected:
     """
     parts = split_effects(effects)
     mass = mass_properties(vehicle, parts.mass)
-    if not mass.rigid:
-        raise ValueError(
-            f"corrected: the effects must leave a rigid body; got {mass.mass:g} kg and "
-            f"{mass.J.diagonal()} kg·m²."
-        )
+    require(
+        mass.rigid,
+        f"corrected: the effects must leave a rigid body; got {mass.mass:g} kg and "
+        f"{mass.J.diagonal()} kg·m².",
+    )
     lags = _of(effects, "motor_lag", "uneven_lag")
-    if len(lags) > 1:
-        raise ValueError(f"corrected: there must be one motor_lag at most; got {len(lags)}.")
+    require(len(lags) <= 1, f"corrected: there must be one motor_lag at most; got {len(lags)}.")
     lag = lags[0].time_constant if lags else vehicle.rotor_time_constant
     scale = _gain(vehicle, _of(effects, "thrust_scale", "thrust_drift"))
-    if not scale[0] > 0:
-        raise ValueError(f"corrected: the scale of thrust must be positive; got {scale[0]:g}.")
+    require(scale[0] > 0, f"corrected: the scale of thrust must be positive; got {scale[0]:g}.")
     mixers = _of(effects, "mixer_gain")
     slope = _sum(effects, "rotor_inflow", "slope")[0]
     gusts = _sum(effects, "gusty_wind", "mean_x", "mean_y", "mean_z")

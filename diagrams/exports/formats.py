@@ -32,7 +32,7 @@ from jinja2 import Environment, StrictUndefined
 from diagrams.exports.corrected import Corrected, corrected
 from np_drake.effects.base import MassProperties, SensorEffect
 from np_drake.effects.library import effects_for
-from np_drake.files.atomic_file import write_text
+from np_drake.files.file_access import write_text
 from np_drake.vehicle import Vehicle
 from systems.payload_config import payload_config
 

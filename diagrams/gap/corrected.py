@@ -12,13 +12,14 @@ import numpy as np
 import yaml
 from jinja2 import Environment
 
+from diagrams.batch.run import require
 from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_result import LostVehicle, fly
 from np_drake.diagnosis.report.words import headline, listed
 from np_drake.diagnosis.result import Cause, Diagnosis, Localisation
 from np_drake.effects.disturbance import DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry, Posterior
-from np_drake.files.atomic_file import plain, write_text
+from np_drake.files.file_access import plain, write_text
 from np_drake.files.number_text import NBSP
 from np_drake.files.yaml_file import quoted
 from np_drake.vehicle import Vehicle
@@ -73,11 +74,11 @@ def drawn(config: FlightConfig, count: int, seed: int) -> list[FlightConfig]:
         were the same.
     """
     reality = config.reality
-    if not reality.posterior.parameters and all(e.probability == 1.0 for e in reality.effects):
-        raise ValueError(
-            f"{config.name}: there must be a posterior to draw from; name reality.posterior, or "
-            "take the corrected.yaml of a diagnosis."
-        )
+    require(
+        bool(reality.posterior.parameters) or any(e.probability != 1.0 for e in reality.effects),
+        f"{config.name}: there must be a posterior to draw from; name reality.posterior, or take "
+        f"the corrected.yaml of a diagnosis.",
+    )
     generator, found = np.random.default_rng(seed), []
     for k in range(count):
         effects = reality.posterior.draw(reality.effects, generator)

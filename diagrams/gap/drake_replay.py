@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.batch.failed_run import require
+from diagrams.batch.run import require
 from np_drake import attitude
 from np_drake.diagnosis.gap import LEAD, States, payload_track, replay_gap, state_error, true_states
 from np_drake.diagnosis.result import HORIZONS, ReplayGap

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.batch.run import Report, Run
-from diagrams.studies.columns import percent, tabulate
-from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, required
+from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, percent, required, tabulate
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.flight_log import FlightLog
@@ -82,7 +81,7 @@ def rows(folds: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 def run(run: Run, neurobem: Neurobem = None) -> Report:
     """The diagnosis on agile real flights. Each is held out in turn."""
     flights, folds = agile_flights(required("gap", neurobem, NEUROBEM_FLIGHTS)), []
-    with run.progress("real flights", len(flights)) as advance:
+    with run.bar("real flights", len(flights)) as advance:
         for held_out in flights:
             train = [log for log in flights if log is not held_out]
             folds.append(fold(published_vehicle(), train, held_out))

@@ -26,8 +26,8 @@ from np_drake.diagnosis.report.words import (
 )
 from np_drake.diagnosis.result import Estimate
 from np_drake.files import page
-from np_drake.files.atomic_file import require_writable
 from np_drake.files.figure_file import PALETTE, new_figure
+from np_drake.files.file_access import require_writable
 from np_drake.files.number_text import NOTHING, fixed, percent
 from np_drake.files.page import Section
 from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values

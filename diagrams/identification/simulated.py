@@ -12,9 +12,7 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
-from diagrams.batch.campaign import Case
-from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.run import Report, Run, failures, require_result
+from diagrams.batch.run import Case, FailedRun, Report, Run, failures, require_result
 from diagrams.challenge.flight import fly
 from diagrams.challenge.plans import draw_plans
 from diagrams.challenge.sensors import (

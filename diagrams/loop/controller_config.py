@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.batch.failed_run import require
+from diagrams.batch.run import require
 from diagrams.loop.own_controller import is_own
 from np_drake.autopilot.betaflight import BetaflightConfig
 from np_drake.command_delay import LONGEST_DELAY

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
-from diagrams.batch.failed_run import require
+from diagrams.batch.run import require
 from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL, ControllerConfig
 from diagrams.loop.own_controller import (
     INPUTS,
@@ -19,7 +19,7 @@ from diagrams.loop.own_controller import (
 )
 from np_drake.command_delay import DelayFilter
 from np_drake.labels import LabelConfig, ReadsLabels, labelled
-from np_drake.lifting.model.model_file import Trained, origin_of, require_origin, schema_of
+from np_drake.lifting.model.lifted_model import Trained, origin_of, require_origin, schema_of
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.solvers import make_solver
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMAS

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.failed_run import require
+from diagrams.batch.run import require
 from diagrams.loop.flight import LOOKS, FlightConfig, load_flight
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.yaml_file import read_yaml

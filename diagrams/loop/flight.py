@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.analysis import GetIntegrationSchemes, SimulatorConfig
 
-from diagrams.batch.failed_run import require
+from diagrams.batch.run import require
 from diagrams.loop.controller_config import NONE, AutopilotConfig, ControllerConfig
 from diagrams.loop.own_controller import Factory, beside, is_own, kind_of
 from diagrams.loop.reality import RealityConfig

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from diagrams.batch.failed_run import FailedRun, one_line, require
+from diagrams.batch.run import FailedRun, one_line, require
 from diagrams.loop.flight import ARENA, FlightConfig, flown_by
 from diagrams.loop.flight_diagram import firmware_of, make_flight_diagram, make_simulator, recorded
 from diagrams.loop.own_controller import Factory, is_own

@@ -17,7 +17,7 @@ import numpy as np
 
 from diagrams.loop.flight_result import FlightResult
 from np_drake import attitude
-from np_drake.files.atomic_file import atomic_path, plain
+from np_drake.files.file_access import atomic_path, plain
 from np_drake.logs.errors import optional_package
 
 Json = dict[str, Any]

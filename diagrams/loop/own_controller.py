@@ -13,7 +13,7 @@ from typing import Any
 
 from pydrake.systems.framework import System
 
-from diagrams.batch.failed_run import one_line, require
+from diagrams.batch.run import one_line, require
 
 # Maker of a new system a flight: called with those of `vehicle` (that the controller assumes),
 # `reference` (the motion to follow) and `period` [s] that it names, and with its own parameters.

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.systems.framework import Diagram
 
-from diagrams.batch.failed_run import require
+from diagrams.batch.run import require
 from np_drake import effects as library
 from np_drake.effects.base import (
     ActuatorEffect,

@@ -24,7 +24,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult
 from np_drake import attitude
-from np_drake.files.atomic_file import write_text
+from np_drake.files.file_access import write_text
 from np_drake.rigid_body import P, Q
 from np_drake.vehicle import Vehicle
 

@@ -16,20 +16,16 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from diagrams.batch.campaign import Case
-from diagrams.batch.failed_run import require
-from diagrams.batch.run import Report, Run, every_result
-from diagrams.studies.columns import grouped, tabulate
+from diagrams.batch.run import Case, Report, Run, every_result, require
 from diagrams.studies.figures import Panel, panel_figure
-from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, required
+from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, grouped, required, tabulate
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.logs.formats.neurobem import read_training, read_wrenches, table_files
 from np_drake.residual_model import FlightForecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.flight_skill import stability_of
-from np_drake.skill.skill import naive_predictions
+from np_drake.skill.skill import naive_predictions, stability_of
 from np_drake.training_data.segments import Segment
 
 CHANNELS = {  # of chi, in each column
@@ -150,7 +146,7 @@ def part(segment: Segment, start: int, stop: int) -> Segment:
 def trained(run: Run, training: Segment) -> tuple[dict[str, LiftedModel], dict[str, dict]]:
     """Train our rows on ten seconds of one segment; return models and settings by configuration."""
     segments, settings = [part(training, 0, LEARNED)], configs(run.seed)
-    with run.progress("training"):
+    with run.bar("training", 1.0):
         models = {name: train(segments, config).model for name, config in settings.items()}
     return models, {name: dc.asdict(config) for name, config in settings.items()}
 
@@ -190,7 +186,7 @@ def estimation_table(
     forecast on, and the stability of windows by configuration and flight.
 
     Args:
-        config: what the models depend on, as of `run_campaign`.
+        config: what the models depend on, as of `Workers.run`.
     Raises: FailedRun: where a model has no result on a flight, as when it is too short.
     """
     first = max(model.warm_up for model in models.values())

@@ -18,8 +18,7 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
-from diagrams.batch.campaign import Case
-from diagrams.batch.run import Report, Run, failures, require_result
+from diagrams.batch.run import Case, Report, Run, failures, require_result
 from diagrams.identification.simulated import draw_and_fly
 from np_drake import attitude
 from np_drake.files.number_text import NOTHING
@@ -97,8 +96,9 @@ def by_np_drake(logs: Sequence[FlightLog], known: Vehicle) -> tuple[Told, Identi
     arm = float(np.linalg.norm(known.rotor_positions, axis=1).mean())
     moments = np.diag(known.J)
     lever = known.torque_coefficient / known.thrust_coefficient
-    names = ("thrust coefficient", "inertia xx", "inertia yy", "inertia zz", "torque over thrust")
-    names += ("centre of mass x", "centre of mass y", "drag, lateral")
+    names = [f"inertia {axis}{axis}" for axis in "xyz"]
+    names = ["thrust coefficient", *names, "torque over thrust"]
+    names += ["centre of mass x", "centre of mass y", "drag, lateral"]
     units = (known.thrust_coefficient, *moments, lever, arm, arm, 1.0)
     values, deviations = {}, {}
     for name, of, unit in zip(NAMES, names, units, strict=True):
@@ -109,8 +109,7 @@ def by_np_drake(logs: Sequence[FlightLog], known: Vehicle) -> tuple[Told, Identi
 
 def by_mujoco(logs: Sequence[FlightLog], known: Vehicle) -> Told:
     """Return what mujoco.sysid tells of simulations of 0.2 s from logged states on."""
-    import mujoco
-    from mujoco import sysid
+    from mujoco import MjSpec, sysid  # type: ignore[attr-defined]
 
     arm = float(np.linalg.norm(known.rotor_positions, axis=1).mean())
     lever = known.torque_coefficient / known.thrust_coefficient
@@ -125,7 +124,7 @@ def by_mujoco(logs: Sequence[FlightLog], known: Vehicle) -> Told:
         else f'<{kind} name="{kind}" site="o"/>'
         for kind in ("framelinvel", "framequat", "gyro")
     )
-    spec = mujoco.MjSpec.from_string(
+    spec = MjSpec.from_string(
         f'<mujoco><option timestep="0.005" gravity="0 0 {-G}" integrator="RK4"/><worldbody>'
         f'<body name="b"><freejoint/><inertial pos="0 0 0" mass="{known.mass}" '
         f'diaginertia="{" ".join(map(str, np.diag(known.J)))}"/><site name="o"/>{sites}</body>'
@@ -170,8 +169,8 @@ def by_mujoco(logs: Sequence[FlightLog], known: Vehicle) -> Told:
         )
     left = residual(result.x, found)[0]
     covariance, _ = sysid.calculate_intervals(left, result.jac)
-    deviations = np.sqrt(np.diag(covariance))
-    return tuple(dict(zip(NAMES, of.tolist(), strict=True)) for of in (result.x, deviations))
+    values, deviations = result.x.tolist(), np.sqrt(np.diag(covariance)).tolist()
+    return dict(zip(NAMES, values, strict=True)), dict(zip(NAMES, deviations, strict=True))
 
 
 def by_aeroid(logs: Sequence[FlightLog], known: Vehicle) -> Told:

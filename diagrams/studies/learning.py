@@ -15,16 +15,23 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.campaign import Case, packed, unpacked
-from diagrams.batch.run import Run
+from diagrams.batch.run import Case, Run, packed, unpacked
 from diagrams.loop.controller_config import NP_MODEL, ControllerConfig
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
 from np_drake.labels import LabelConfig, default_labels
-from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL, LiftedModel
-from np_drake.lifting.model.model_file import load_model, origin_of, require_origin, save_model
+from np_drake.lifting.model.lifted_model import (
+    FAMILIES,
+    LIFTED,
+    NEURAL,
+    LiftedModel,
+    load_model,
+    origin_of,
+    require_origin,
+    save_model,
+)
 from np_drake.lifting.model.neural_family import NeuralFamily, with_network
 from np_drake.lifting.training.network_training import PART
 from np_drake.lifting.training.train import Config, TrainingResult, make_config
@@ -32,14 +39,13 @@ from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.references.config import ReferenceConfig
 from np_drake.residual_models.motion_model import REACTIONS
-from np_drake.residual_models.motion_training import train_motion_model
 from np_drake.residual_models.predictor_training import (
     place_on_flights,
     rotor_lag_in,
+    train_motion_model,
     train_on_flights,
 )
-from np_drake.training_data.segments import Segment
-from np_drake.training_data.training_segments import Flight
+from np_drake.training_data.segments import Flight, Segment
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios, sampling_period
 from systems.payload_config import PayloadConfig
@@ -236,7 +242,7 @@ def train_on_envelope(
     """
     envelope = envelope_segments(count, run=run, vehicle=vehicle)
     how: dict = {"step": step or sampling_period(vehicle), "label": None}
-    with run.progress("training") as advance:
+    with run.bar("training", 1.0) as advance:
         result = train_on_flights(
             flights,
             config,

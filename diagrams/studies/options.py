@@ -1,13 +1,15 @@
 """Options that several studies share: what is parsed, what `--help` says, seeds and rows."""
 
 import dataclasses as dc
-from collections.abc import Collection
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 from typer import Argument, Option
 
-from diagrams.batch.run import Run
+from diagrams.batch.run import Run, Table, require
+from np_drake.files.number_text import NOTHING
 
 DEFAULT_SOLVER = "sqp"  # of every verb that flies
 Solver = Annotated[str, Option("--solver", help="sqp | ipopt (MathematicalProgram, the reference)")]
@@ -93,8 +95,60 @@ class FlownRun(Run):
 
 def chosen(option: str, names: Collection[str] | None, known: Collection[str]) -> list[str]:
     """Return the known names that are asked for, all where none is; ValueError on another one."""
-    if unknown := set(names or ()) - set(known):
-        raise ValueError(
-            f"{option}: must be one of {', '.join(known)}; got {', '.join(sorted(unknown))}."
-        )
+    unknown = ", ".join(sorted(set(names or ()) - set(known)))
+    require(not unknown, f"{option}: must be of {'; '.join(known)}; got {unknown}.")
     return [name for name in known if not names or name in names]
+
+
+Line = Mapping[str, Any]
+Column = tuple[str, str | Callable[[Any], Any]]  # header; key of the line, or function of it
+
+
+def tabulate(title: str, lines: Iterable[Any], columns: Iterable[Column]) -> Table:
+    """Return title, header and a row for every line, from (header, key or function of a line)."""
+    columns = list(columns)
+    rows = [
+        tuple(line[cell] if isinstance(cell, str) else cell(line) for _, cell in columns)
+        for line in lines
+    ]
+    return title, [header for header, _ in columns], rows
+
+
+def fixed(key: str, digits: int, *, factor: float = 1.0, unit: str = "") -> Callable[[Line], str]:
+    """Return a cell of `factor` times the value with fixed digits; a dash where a line has none."""
+
+    def cell(line: Line) -> str:
+        value = line.get(key)
+        return NOTHING if value is None else f"{factor * value:.{digits}f}{unit}"
+
+    return cell
+
+
+def percent(key: str, digits: int = 0) -> Callable[[Line], str]:
+    """Return a cell in per cent of a share [1]; a dash where a line has none."""
+    return fixed(key, digits, factor=100.0, unit=" %")
+
+
+def spread(
+    key: str, digits: int = 2, *, factor: float = 100.0, by: str = "ci95", lost: str = "lost"
+) -> Callable[[Line], str]:
+    """Return a cell `value ± spread`, in cm unless told; without the spread where that is not a
+    number, and a dash where a line has no value.
+    """
+
+    def cell(line: Line) -> str:
+        if line[key] is None:
+            return NOTHING
+        value, width = factor * line[key], factor * line[f"{key}_{by}"]
+        if math.isinf(value):
+            return lost
+        return f"{value:.{digits}f}" + ("" if math.isnan(width) else f" ± {width:.{digits}f}")
+
+    return cell
+
+
+def grouped(title: str, header: Iterable[str], groups: Mapping[str, Iterable[tuple]]) -> Table:
+    """Return a table of blocks: a row with the name of a group alone, then its rows."""
+    header = list(header)
+    blank = [""] * (len(header) - 1)
+    return title, header, [row for name, rows in groups.items() for row in [(name, *blank), *rows]]

@@ -14,14 +14,25 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
-from diagrams.batch.campaign import Case
-from diagrams.batch.run import Report, Run, Table, failures, require_result
+from diagrams.batch.run import Case, Report, Run, Table, failures, require, require_result
 from diagrams.loop.controller_config import LEARNED
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, fly
-from diagrams.studies.columns import Column, fixed, percent, spread, tabulate
-from diagrams.studies.options import DEFAULT_SOLVER, Duration, FlownRun, Only, Seeds, Solver, chosen
+from diagrams.studies.options import (
+    DEFAULT_SOLVER,
+    Column,
+    Duration,
+    FlownRun,
+    Only,
+    Seeds,
+    Solver,
+    chosen,
+    fixed,
+    percent,
+    spread,
+    tabulate,
+)
 from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means, named, tidy
 from diagrams.studies.tracking import DITHERED, ERRORS
 from diagrams.studies.tracking import ROWS as TRACKING_ROWS
@@ -301,8 +312,7 @@ def run(
     rows = choose_rows(ROWS, only)
     names = chosen("--axis", axis, [axis.name for axis in AXES])
     axes = [axis for axis in AXES if axis.name in names]
-    if grid_values is not None and not grid:
-        raise ValueError("--grid-values: must come with --grid.")
+    require(grid or grid_values is None, "--grid-values: must come with --grid.")
     crossed = grid_settings(grid_values or 5) if grid else []
     how: dict[str, Any] = {"solver": run.solver, "duration": duration}
     base = flight_config({"seed": 0, **BASE}, **how)

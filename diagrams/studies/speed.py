@@ -15,11 +15,9 @@ from diagrams.batch.run import Report, Run, Table
 from diagrams.loop.controller_config import LEARNED
 from diagrams.loop.controllers import make_residual_model
 from diagrams.loop.flight_result import FlightResult, fly
-from diagrams.studies.columns import fixed, tabulate
-from diagrams.studies.options import FlownRun, Only
-from diagrams.studies.payload import ROWS as HOVER_ROWS
+from diagrams.studies.options import FlownRun, Only, fixed, tabulate
 from diagrams.studies.sweep import Row, choose_rows, configure, model_path, train_rows
-from diagrams.studies.tracking import DITHERED
+from diagrams.studies.tracking import DITHERED, HOVER_ROWS
 from np_drake.labels import LabelFilter, labelled
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcStatus

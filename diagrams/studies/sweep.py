@@ -16,14 +16,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from diagrams.batch.campaign import Case, Record
+from diagrams.batch.run import Case, Record
 from diagrams.loop.controller_config import LEARNED, NP_MODEL
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
 from diagrams.studies.learning import train_model
-from diagrams.studies.options import FlownRun
-from np_drake.files.atomic_file import write_bytes
+from diagrams.studies.options import FlownRun, chosen
+from np_drake.files.file_access import write_bytes
 from np_drake.lifting.model.lifted_model import FAMILIES
 from np_drake.metrics import half_width
 from np_drake.vehicle import Vehicle
@@ -67,13 +67,8 @@ def choose_rows(
 
     Raises: ValueError: on an unknown name.
     """
-    known = [row.name for row in rows]
-    if unknown := set(only or ()) - set(known):
-        raise ValueError(
-            f"--only: must name rows of the table ({'; '.join(known)}); got "
-            f"{', '.join(sorted(unknown))}."
-        )
-    return tuple(row for row in rows if not only or row.name in {*only, *always})
+    names = chosen("--only", only, [row.name for row in rows])
+    return tuple(row for row in rows if row.name in {*names, *always})
 
 
 def configure(

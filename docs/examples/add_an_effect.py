@@ -27,7 +27,6 @@ class GroundSpring(WrenchEffect):
 
     stiffness: float = 0.5  # [N/m]
 
-    identifier = "ground_spring"
     parameters = (Parameter("stiffness", "N/m", neutral=0.0, lower=0.0, upper=5.0, typical=0.5),)
 
     def wrench(self, vehicle, motion):

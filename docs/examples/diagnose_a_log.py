@@ -11,7 +11,7 @@ from diagrams.challenge.make import make
 from diagrams.gap.drake_replay import DrakeReplay
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis
-from np_drake.logs.case_folder import open_case
+from np_drake.logs.opening import open_case
 
 
 def answer(folder: Path) -> Diagnosis:

@@ -11,8 +11,7 @@ from np_drake.lifting.training.train import make_config, train
 from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.skill.skill import skill_table
-from np_drake.training_data.segments import Segment
-from np_drake.training_data.training_segments import training_segments
+from np_drake.training_data.segments import Segment, training_segments
 
 HORIZONS = [5, 20, 40]  # steps of 0.02 s
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rotor_layout import FIRMWARE
 from np_drake.vehicle.scaling import usual_rate_loop
@@ -329,25 +330,23 @@ class BetaflightConfig:
 
         Raises: ValueError: where one is impossible.
         """
-        if not 10 <= self.stick_rate <= 1 / PERIOD:
-            raise ValueError(
-                f"betaflight: stick_rate must be 10 to {1 / PERIOD:g} Hz; got {self.stick_rate}."
-            )
+        require(
+            10 <= self.stick_rate <= 1 / PERIOD,
+            f"betaflight: stick_rate must be 10 to {1 / PERIOD:g} Hz; got {self.stick_rate}.",
+        )
         for line in self.lines:
             words = line.split("=")[0].split()
-            if (
-                not words
-                or words[-1] in RESERVED
-                or words[0] in ("save", "exit", "defaults", "mixer", "aux", "batch")
-            ):
-                raise ValueError(
-                    f"betaflight: lines must not hold {line!r}, which is set here; leave it out."
-                )
-        if len(self.bandwidth) not in (0, 3) or not all(0 < w < FASTEST for w in self.bandwidth):
-            raise ValueError(
-                f"betaflight: bandwidth must be three values up to {FASTEST:g} rad/s, or "
-                f"none; got {self.bandwidth}."
+            require(
+                words
+                and words[-1] not in RESERVED
+                and words[0] not in ("save", "exit", "defaults", "mixer", "aux", "batch"),
+                f"betaflight: lines must not hold {line!r}, which is set here; leave it out.",
             )
+        require(
+            len(self.bandwidth) in (0, 3) and all(0 < w < FASTEST for w in self.bandwidth),
+            f"betaflight: bandwidth must be three values up to {FASTEST:g} rad/s, or "
+            f"none; got {self.bandwidth}.",
+        )
         return self
 
 
@@ -380,12 +379,12 @@ def gain_lines(vehicle: Vehicle, bandwidth: Sequence[float]) -> list[str]:
         if axis != "yaw":
             values["d"] = values["d_max"] = gain * lag / D_UNIT
         for letter, value in values.items():
-            if round(value) > MOST_GAIN:
-                raise ValueError(
-                    f"betaflight: bandwidth of {axis} must be lower for this vehicle; "
-                    f"{wanted:g} rad/s needs a gain "
-                    f"{letter} of {value:.0f}, and {MOST_GAIN} is the firmware's largest."
-                )
+            require(
+                round(value) <= MOST_GAIN,
+                f"betaflight: bandwidth of {axis} must be lower for this vehicle; "
+                f"{wanted:g} rad/s needs a gain "
+                f"{letter} of {value:.0f}, and {MOST_GAIN} is the firmware's largest.",
+            )
             lines.append(f"set {letter}_{axis} = {round(value)}")
         lines.append(f"set f_{axis} = 0")
     return lines

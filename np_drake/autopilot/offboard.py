@@ -10,6 +10,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.autopilot.mavlink import Battery, Command, Heartbeat, Inertial, Pose, Said
+from np_drake.checks import require
 from np_drake.files.yaml_file import POSITIVE, check_fields, number
 from np_drake.rigid_body import P, Q, V, W
 
@@ -62,13 +63,15 @@ class OffboardConfig:
         Raises: ValueError: where one is impossible.
         """
         check_fields(self, "offboard")
-        if self.level <= CLEAR:
-            raise ValueError(f"offboard: level must be more than {CLEAR:g} s; got {self.level:g}.")
-        if self.stale_after < 2 / self.rate:
-            raise ValueError(
-                f"offboard: stale_after must be two periods of {1 / self.rate:g} s at "
-                f"least; got {self.stale_after:g}."
-            )
+        require(
+            self.level > CLEAR,
+            f"offboard: level must be more than {CLEAR:g} s; got {self.level:g}.",
+        )
+        require(
+            self.stale_after >= 2 / self.rate,
+            f"offboard: stale_after must be two periods of {1 / self.rate:g} s at "
+            f"least; got {self.stale_after:g}.",
+        )
         return self
 
 

@@ -46,9 +46,8 @@ from np_drake.effects import (
     VelocityBias,
     WeakRotor,
 )
-from np_drake.effects.base import ActuatorEffect, Effect, Parameter, SensorEffect
+from np_drake.effects.base import ActuatorEffect, Effect, Parameter, SensorEffect, arm, departure
 from np_drake.effects.calibration import in_flight
-from np_drake.effects.parameter import arm, departure
 from np_drake.files.number_text import number
 from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
 from np_drake.rigid_body import V

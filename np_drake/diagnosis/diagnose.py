@@ -79,9 +79,9 @@ from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
-from np_drake.logs.case_folder import with_neighbours
 from np_drake.logs.columns import said_of_bridged
 from np_drake.logs.inputs import with_hover_thrust, with_throttle_map
+from np_drake.logs.opening import with_neighbours
 from np_drake.vehicle import Vehicle
 
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)

@@ -25,8 +25,7 @@ from np_drake.diagnosis.options import SURE, Priors
 from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, WhiteNuisance
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.swing_fit import fitted_to_whole_flight
-from np_drake.effects.base import Effect, SensorEffect, correlation_root
-from np_drake.effects.parameter import usual_size
+from np_drake.effects.base import Effect, SensorEffect, correlation_root, usual_size
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 

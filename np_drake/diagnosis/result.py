@@ -10,7 +10,7 @@ import numpy as np
 
 from np_drake.effects.base import Effect
 from np_drake.effects.effect_entry import Posterior
-from np_drake.files.atomic_file import plain
+from np_drake.files.file_access import plain
 from np_drake.files.notebook import html_table
 from np_drake.files.number_text import probability
 from np_drake.flight_log import FlightLog

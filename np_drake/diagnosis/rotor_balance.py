@@ -18,7 +18,7 @@ from scipy import linalg, special
 
 from np_drake.diagnosis.options import SPREAD, SURE, Options
 from np_drake.diagnosis.result import Cause, Estimate, Finding
-from np_drake.effects.parameter import arm
+from np_drake.effects.base import arm
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog

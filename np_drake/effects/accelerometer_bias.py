@@ -21,7 +21,6 @@ class AccelerometerBias(SensorEffect):
     y: float = 0.0  # [m/s²]
     z: float = 0.0  # [m/s²]
 
-    identifier = "accelerometer_bias"
     requires = ("velocity",)
     named = "an accelerometer bias"
     drawn = (0.03, 1.0)

@@ -22,7 +22,6 @@ class AttitudeBias(SensorEffect):
     pitch: float = 0.0  # [rad]
     yaw: float = 0.0  # [rad]
 
-    identifier = "attitude_bias"
     requires = ("velocity",)
     named = "an attitude bias"
     drawn = (0.003, 0.08)

@@ -22,7 +22,6 @@ class AttitudeLatency(SensorEffect):
 
     latency: float = 0.01  # [s]
 
-    identifier = "attitude_latency"
     role = "nuisance"
     named = "a latency of the attitude"
     grows_with = "rate"

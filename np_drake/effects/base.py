@@ -7,6 +7,7 @@ mass, measurement.
 """
 
 import dataclasses as dc
+import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
@@ -14,10 +15,108 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from np_drake import attitude
-from np_drake.effects.parameter import Parameter, direction, log_uniform, signed, usual_size
+from np_drake.files.number_text import departure_unit, measure
 from np_drake.flight_log import Neighbour
-from np_drake.rigid_body import Q
+from np_drake.rigid_body import Q, V
 from np_drake.vehicle import Vehicle
+
+PAPER = Vehicle()  # of whose size the library's typical values are
+
+
+@dc.dataclass(frozen=True)
+class Parameter:
+    """Range and scale of one parameter of an effect.
+
+    neutral: value at which the effect vanishes, if `vanishes`.   lower, upper: bounds of a fit.
+    typical: usual distance from neutral: the deviation of the prior, and the scale of finite
+        differences.
+    choices: the only values, where it is not continuous.
+    departure: how a vehicle or sensor differs that has another value than neutral, as "rotor
+        {rotor}: thrust {signed}";
+        where the sign decides the words, "{size} ahead|{size} behind", of more and of less.
+    """
+
+    name: str
+    unit: str
+    neutral: float
+    lower: float
+    upper: float
+    typical: float
+    choices: tuple[float, ...] = ()
+    vanishes: bool = True
+    departure: str = ""
+
+
+def departure(
+    p: Parameter, value: float, others: Mapping[str, float], *, shares: bool
+) -> tuple[str, str]:
+    """Return the unit of a parameter, and in words how far it departs from neutral by `value`.
+
+    others: values of the other parameters of its effect; shares: whether its factors are shares.
+    """
+    unit = "share" if p.unit == "1" and shares else p.unit
+    more, _, less = p.departure.partition("|")
+    factor, shown = departure_unit(unit)
+    size = measure(factor * abs(value), shown)
+    words = less if less and value < 0 else more
+    sign = "−" if value < 0 else "+"
+    return unit, words.format(
+        size=size, signed=f"{sign}{size}", **{n: f"{v:g}" for n, v in others.items()}
+    )
+
+
+def usual_size(parameter: Parameter, vehicle: Vehicle) -> float:
+    """Return the usual size of a parameter; the library's is for the paper's vehicle."""
+    mass = vehicle.mass / PAPER.mass
+    span = arm(vehicle) / arm(PAPER)
+    scale = {
+        "kg": mass,
+        "N": mass,
+        "N·s/m": mass,
+        "N·s²/m²": mass,
+        "N·m·s/m": mass * span,
+        "kg·m²": mass * span**2,
+    }
+    longer = {"m": span} if parameter.name != "length" else {}
+    return parameter.typical * (scale | longer).get(parameter.unit, 1.0)
+
+
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number, every decade as likely."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def signed(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a log-uniform number of either sign."""
+    return float(rng.choice([-1.0, 1.0])) * log_uniform(rng, low, high)
+
+
+def arm(vehicle: Vehicle) -> float:
+    """Return the mean distance of a rotor from Bo in the plane of the rotors [m]."""
+    return float(np.mean(np.linalg.norm(np.array(vehicle.rotor_positions)[:, :2], axis=1)))
+
+
+def direction(rng: np.random.Generator, rise: float | None = None) -> np.ndarray:
+    """Draw a unit vector (3,).
+
+    Args:
+        rise: deviation of its slope, where it is about level [1]; None: in all directions.
+    """
+    n = rng.normal(size=3)
+    if rise is not None:
+        n[2] = rise * n[2] * np.hypot(n[0], n[1])
+    return n / np.linalg.norm(n)
+
+
+def drag_coefficients(
+    rng: np.random.Generator, vehicle: Vehicle, low: float, high: float
+) -> np.ndarray:
+    """Draw drag coefficients (3,) in body axes: a heavy vehicle has more drag, and the level axes
+    about the same.
+    """
+    lateral = log_uniform(rng, low, high) * vehicle.mass
+    return lateral * rng.uniform([0.8, 0.8, 0.3], [1.2, 1.2, 1.2])
+
 
 _STILL = np.zeros(3)  # no wind, for motions without any [m/s]
 _STEADY = np.zeros(4)  # constant rotor speed [rad/s²]
@@ -27,10 +126,10 @@ class Effect:
     """Base class of all effects: all that simulator, diagnosis and report know of one.
 
     A subclass is a frozen dataclass whose fields carry the parameters' names. It states
-    `identifier`, `parameters` and its function; everything else has a default.
+    `parameters` and its function; everything else has a default.
     """
 
-    identifier: ClassVar[str]
+    identifier: ClassVar[str]  # default: the name of its class, in words joined by _
     place: ClassVar[str]  # wrench | actuator | mass | measurement
     parameters: ClassVar[tuple[Parameter, ...]]
     # cause: the diagnosis searches it.   mixer: only on logs of measured rotor speed, where a
@@ -81,6 +180,11 @@ class Effect:
     grows_with: ClassVar[str] = (
         ""  # speed | rate | torque | duration, without which it leaves no trace
     )
+
+    def __init_subclass__(cls, **given: Any) -> None:
+        super().__init_subclass__(**given)
+        if "identifier" not in vars(cls):
+            cls.identifier = re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
 
     @property
     def values(self) -> dict[str, float]:
@@ -438,3 +542,34 @@ def correlation_root(effect: type[Effect]) -> np.ndarray:
         if effect.prior_correlation
         else np.eye(size)
     )
+
+
+# Prior correlation of drag coefficients along x, y, z: the two level axes of a multirotor see
+# nearly the same airframe and rotors (within some 30 %), the rotor axis another. Source: own
+# choice.
+ALIKE = ((1.0, 0.95, 0.5), (0.95, 1.0, 0.5), (0.5, 0.5, 1.0))
+
+
+def air_velocity_B(motion: Motion) -> np.ndarray:
+    """Return the velocity of Bo relative to the air, in B, (..., 3) [m/s]."""
+    air = motion.x[..., V] - motion.wind
+    if air.ndim == 1:
+        return np.dot(air, motion.R_WB)
+    return (air[..., None, :] @ motion.R_WB)[..., 0, :]
+
+
+def chi_from_body(motion: Motion, f_B: np.ndarray, tau_B: np.ndarray | None = None) -> np.ndarray:
+    """Return chi = [f in W, tau in B] (..., 6) of a wrench in body axes [N, N·m].
+
+    Args:
+        f_B: (..., 3) force at Bo in B [N].
+        tau_B: (..., 3) torque in B [N·m]; None: none.
+    """
+    chi = np.zeros((*f_B.shape[:-1], 6))
+    if f_B.ndim == 1:
+        chi[:3] = np.dot(motion.R_WB, f_B)
+    else:
+        chi[..., :3] = (motion.R_WB @ f_B[..., None])[..., 0]
+    if tau_B is not None:
+        chi[..., 3:] = tau_B
+    return chi

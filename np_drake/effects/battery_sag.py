@@ -16,9 +16,7 @@ class BatterySag(ActuatorEffect):
 
     rate: float = -0.002  # [1/s]
 
-    identifier = "battery_sag"
     role = "nuisance"
-    named = "battery sag"
     bench_check = "log the battery's voltage"
     parameters = (
         Parameter(

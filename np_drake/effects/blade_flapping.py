@@ -4,9 +4,15 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.air_speed import air_velocity_B, chi_from_body
-from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.parameter import arm, log_uniform
+from np_drake.effects.base import (
+    Motion,
+    Parameter,
+    WrenchEffect,
+    air_velocity_B,
+    arm,
+    chi_from_body,
+    log_uniform,
+)
 from np_drake.vehicle import Vehicle
 
 
@@ -19,10 +25,8 @@ class BladeFlapping(WrenchEffect):
 
     moment: float = 0.02  # [N·m·s/m]
 
-    identifier = "blade_flapping"
     requires = ("velocity",)
     constant = True
-    named = "blade flapping"
     excited_by = "level sprints with sudden reversals"
     grows_with = "speed"
     feels_rotor_rate = False

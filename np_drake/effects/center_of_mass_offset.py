@@ -6,8 +6,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import MassEffect, MassProperties, Parameter
-from np_drake.effects.parameter import arm, direction, log_uniform
+from np_drake.effects.base import MassEffect, MassProperties, Parameter, arm, direction, log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -26,7 +25,6 @@ class CenterOfMassOffset(MassEffect):
     y: float = 0.0  # [m]
     z: float = 0.0  # [m]
 
-    identifier = "center_of_mass_offset"
     named = "an offset of the centre of mass"
     bench_check = "balance the vehicle on an edge along each axis"
     excited_by = "thrust steps: climb and descend hard with level attitude"

@@ -19,7 +19,6 @@ class ClockOffset(SensorEffect):
 
     offset: float = 0.02  # [s]
 
-    identifier = "clock_offset"
     named = "a clock offset"
     drawn = (0.003, 0.06)
     either_sign = True

@@ -66,12 +66,8 @@ def split_effects(effects: Iterable[Any]) -> EffectsByPlace:
                     "split_effects: there must be one suspended_payload at most; got two."
                 )
             out.payload = effect
-        elif isinstance(effect, WrenchEffect):
-            out.wrench.append(effect)
-        elif isinstance(effect, ActuatorEffect):
-            out.actuator.append(effect)
-        elif isinstance(effect, MassEffect):
-            out.mass.append(effect)
+        elif isinstance(effect, WrenchEffect | ActuatorEffect | MassEffect):
+            getattr(out, effect.place).append(effect)
         elif hasattr(effect, "measure"):
             out.measurement.append(effect)
         else:

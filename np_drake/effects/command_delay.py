@@ -17,7 +17,6 @@ class CommandDelay(ActuatorEffect):
 
     delay: float = 0.02  # [s]
 
-    identifier = "command_delay"
     named = "a command delay"
     drawn = (0.004, 0.04)
     bench_check = "log rotor speed, and compare it with the command"

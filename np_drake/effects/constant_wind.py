@@ -18,7 +18,6 @@ class ConstantWind(WrenchEffect):
     y: float = 0.0  # [m/s]
     z: float = 0.0  # [m/s]
 
-    identifier = "constant_wind"
     requires = ("velocity",)
     sudden = True
     widens = False

@@ -50,7 +50,6 @@ class Disturbance(WrenchEffect):
     time: tuple[float, ...]
     seed: int = 0
 
-    identifier = "disturbance"
     role = ""
     feels_rotor_rate = False
     parameters = ()

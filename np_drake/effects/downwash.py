@@ -5,9 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.effects.air_speed import chi_from_body
-from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.parameter import arm
+from np_drake.effects.base import Motion, Parameter, WrenchEffect, arm, chi_from_body
 from np_drake.effects.rotor_inflow import AIR_DENSITY, RotorInflow
 from np_drake.flight_log import Neighbour
 from np_drake.rigid_body import P
@@ -43,7 +41,6 @@ class Downwash(WrenchEffect):
     strength: float = 1.0  # [1]
     neighbours: tuple[Neighbour, ...] = ()  # whose jets they are; in a diagnosis those of each log
 
-    identifier = "downwash"
     role = "neighbour"
     named = "the downwash of a neighbour"
     phrase = "a neighbour's downwash of {strength} of theory"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.effects.base import Effect
 from np_drake.effects.library import causes, in_scenarios
 from np_drake.files.yaml_file import check_fields, number
@@ -51,21 +52,22 @@ class EffectEntry:
                 f"{', '.join(fields)}."
             )
         for name, value in self.parameters.items():
-            if not np.isfinite(value):
-                raise ValueError(f"effects: {name} of {self.effect} must be finite; got {value}.")
+            require(
+                np.isfinite(value), f"effects: {name} of {self.effect} must be finite; got {value}."
+            )
         for p in kind.parameters:
             value = getattr(self.made, p.name)
-            if p.choices and value not in p.choices:
-                raise ValueError(
-                    f"effects: {p.name} of {self.effect} must be one of "
-                    f"{', '.join(f'{c:g}' for c in p.choices)}; "
-                    f"got {value:g}."
-                )
-        if self.onset is not None and not kind.begins:
-            raise ValueError(
-                f"effects: {self.effect} acts from the start of a flight; leave its onset "
-                f"out; got {self.onset}."
+            require(
+                not p.choices or value in p.choices,
+                f"effects: {p.name} of {self.effect} must be one of "
+                f"{', '.join(f'{c:g}' for c in p.choices)}; "
+                f"got {value:g}.",
             )
+        require(
+            self.onset is None or kind.begins,
+            f"effects: {self.effect} acts from the start of a flight; leave its onset "
+            f"out; got {self.onset}.",
+        )
         check_fields(self, f"effects: {self.effect}")
         return self
 
@@ -90,20 +92,22 @@ class Posterior:
         for name in self.parameters:
             effect, _, parameter = name.partition(".")
             kind = causes().get(effect)
-            if kind is None or parameter not in {p.name for p in kind.parameters}:
-                raise ValueError(
-                    f"posterior: parameters must be as EFFECT.PARAMETER; got {name!r}."
-                )
+            require(
+                kind is not None and parameter in {p.name for p in kind.parameters},
+                f"posterior: parameters must be as EFFECT.PARAMETER; got {name!r}.",
+            )
         size = len(self.parameters)
         C = np.array(self.covariance, float).reshape(
             (0, 0) if self.covariance == [] else (len(self.covariance), -1)
         )
-        if C.shape != (size, size) or not np.isfinite(C).all() or not np.allclose(C, C.T):
-            raise ValueError(
-                f"posterior: covariance must be symmetric, {size} by {size}, and finite."
-            )
-        if size and np.linalg.eigvalsh(_correlation(C)).min() < -1e-6:
-            raise ValueError("posterior: covariance must be positive semidefinite.")
+        require(
+            C.shape == (size, size) and np.isfinite(C).all() and np.allclose(C, C.T),
+            f"posterior: covariance must be symmetric, {size} by {size}, and finite.",
+        )
+        require(
+            not size or np.linalg.eigvalsh(_correlation(C)).min() >= -1e-6,
+            "posterior: covariance must be positive semidefinite.",
+        )
         return self
 
     @property

@@ -4,9 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.air_speed import chi_from_body
-from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.parameter import log_uniform
+from np_drake.effects.base import Motion, Parameter, WrenchEffect, chi_from_body, log_uniform
 from np_drake.vehicle import Vehicle
 
 _LARGEST_RADIUS = 6.0  # of rotor radii: a disc twice as wide as the whole vehicle
@@ -27,9 +25,7 @@ class GroundEffect(WrenchEffect):
 
     effective_radius: float = 0.25  # [m]
 
-    identifier = "ground_effect"
     requires = ("height",)
-    named = "ground effect"
     excited_by = "a descent to below two rotor radii"
     feels_rotor_rate = False
     linear = False

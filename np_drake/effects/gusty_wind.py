@@ -4,9 +4,8 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import Parameter, WrenchEffect
+from np_drake.effects.base import Parameter, WrenchEffect, direction, log_uniform
 from np_drake.effects.disturbance import LINES, lines
-from np_drake.effects.parameter import direction, log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -26,7 +25,6 @@ class GustyWind(WrenchEffect):
     correlation_time: float = 1.0  # [s]
     seed: int = 0  # of the phases
 
-    identifier = "gusty_wind"
     requires = ("velocity",)
     named = "a gusty wind"
     phrase = "a gusty wind of {deviation} deviation"

@@ -20,7 +20,6 @@ class GyroBias(SensorEffect):
     y: float = 0.0  # [rad/s]
     z: float = 0.0  # [rad/s]
 
-    identifier = "gyro_bias"
     named = "a gyroscope bias"
     drawn = (0.003, 0.15)
     bench_check = "calibrate the gyroscope at rest"

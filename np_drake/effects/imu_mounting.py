@@ -22,7 +22,6 @@ class ImuMounting(SensorEffect):
     pitch: float = 0.0  # [rad]
     yaw: float = 0.0  # [rad]
 
-    identifier = "imu_mounting"
     role = "nuisance"
     named = "a tilted IMU"
     linear = False

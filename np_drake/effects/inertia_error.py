@@ -4,8 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import MassEffect, MassProperties, Parameter
-from np_drake.effects.parameter import log_uniform
+from np_drake.effects.base import MassEffect, MassProperties, Parameter, log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -20,7 +19,6 @@ class InertiaError(MassEffect):
     scale_yy: float = 1.2  # [1]
     scale_zz: float = 1.2  # [1]
 
-    identifier = "inertia_error"
     named = "an inertia error"
     shares = True
     excited_by = "fast doublets about all three axes"

@@ -7,6 +7,7 @@ A new effect is one file, and one registration: `@register` on its class, or its
 from collections.abc import Collection
 
 from np_drake import effects
+from np_drake.checks import require
 from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
 
 
@@ -114,35 +115,37 @@ def _required(effect: type[Effect]) -> tuple[str, ...]:
 def register(effect: type[Effect]) -> type[Effect]:
     """Add a user's own effect to the library; a class decorator.
 
-    Raises: ValueError: where it is no frozen dataclass with `identifier` and `parameters`, the
-        identifier is taken by another class, a parameter has no field, or the effect acts only
-        through another one, as a wind through a drag; the search supports this for the library's
-        winds alone.
+    Raises: ValueError: where it is no frozen dataclass with `parameters`, the identifier is taken
+        by another class, a parameter has no field, or the effect acts only through another one, as
+        a wind through a drag; the search supports this for the library's winds alone.
     """
     shape = getattr(effect, "__dataclass_params__", None)
-    if shape is None or not shape.frozen:
-        raise ValueError(
-            f"register: {effect.__name__} must be a frozen dataclass; write "
-            "@dataclasses.dataclass(frozen=True) below @register."
-        )
-    for name in ("identifier", "parameters"):
-        if not hasattr(effect, name):
-            raise ValueError(f"register: {effect.__name__} must have the attribute {name}.")
+    require(
+        shape is not None and shape.frozen,
+        f"register: {effect.__name__} must be a frozen dataclass; write "
+        "@dataclasses.dataclass(frozen=True) below @register.",
+    )
+    require(
+        hasattr(effect, "parameters"),
+        f"register: {effect.__name__} must have the attribute parameters.",
+    )
     known = LIBRARY.get(effect.identifier)
-    if known is not None and known is not effect:
-        raise ValueError(
-            f"register: {effect.identifier!r} must be a new identifier; it is taken by {known}."
-        )
-    if known is None and _acts_through_others(effect):
-        raise ValueError(
-            f"register: {effect.__name__} must act by itself; what is felt through another "
-            f"effect, as a wind through "
-            "a drag, is never tried. Leave `needs` empty and give it a `wrench`: all the "
-            "force, by a drag of its own."
-        )
+    require(
+        known is None or known is effect,
+        f"register: {effect.identifier!r} must be a new identifier; it is taken by {known}.",
+    )
+    require(
+        known is not None or not _acts_through_others(effect),
+        f"register: {effect.__name__} must act by itself; what is felt through another "
+        f"effect, as a wind through "
+        "a drag, is never tried. Leave `needs` empty and give it a `wrench`: all the "
+        "force, by a drag of its own.",
+    )
     for parameter in effect.parameters:
-        if parameter.name not in getattr(effect, "__dataclass_fields__", ()):
-            raise ValueError(f"register: {effect.__name__} must have a field {parameter.name!r}.")
+        require(
+            parameter.name in getattr(effect, "__dataclass_fields__", ()),
+            f"register: {effect.__name__} must have a field {parameter.name!r}.",
+        )
     LIBRARY[effect.identifier] = effect
     return effect
 

@@ -6,9 +6,15 @@ import math
 import numpy as np
 
 from np_drake.compiled import compiled, turned
-from np_drake.effects.air_speed import ALIKE, air_velocity_B, chi_from_body
-from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.parameter import drag_coefficients
+from np_drake.effects.base import (
+    ALIKE,
+    Motion,
+    Parameter,
+    WrenchEffect,
+    air_velocity_B,
+    chi_from_body,
+    drag_coefficients,
+)
 from np_drake.vehicle import Vehicle
 
 
@@ -24,9 +30,7 @@ class LinearDrag(WrenchEffect):
     d_y: float = 0.25  # [N·s/m]
     d_z: float = 0.25  # [N·s/m]
 
-    identifier = "linear_drag"
     requires = ("velocity",)
-    named = "linear drag"
     excited_by = "sprints at several speeds in both horizontal directions and vertically"
     grows_with = "speed"
     feels_rotor_rate = False

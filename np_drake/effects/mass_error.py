@@ -4,8 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import MassEffect, MassProperties, Parameter
-from np_drake.effects.parameter import signed
+from np_drake.effects.base import MassEffect, MassProperties, Parameter, signed
 from np_drake.vehicle import Vehicle
 
 
@@ -18,7 +17,6 @@ class MassError(MassEffect):
 
     delta_mass: float = 0.1  # [kg]
 
-    identifier = "mass_error"
     sudden = True
     named = "a mass error"
     bench_check = "weigh the vehicle with its battery"

@@ -4,8 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.air_speed import chi_from_body
-from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.effects.base import Motion, Parameter, WrenchEffect, chi_from_body
 from np_drake.vehicle import Vehicle
 
 
@@ -24,7 +23,6 @@ class MixerGain(WrenchEffect):
     pitch: float = 0.7  # [1]
     yaw: float = 0.7  # [1]
 
-    identifier = "mixer_gain"
     role = "mixer"
     named = "a gain of the mixer"
     shares = True

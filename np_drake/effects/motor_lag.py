@@ -5,8 +5,7 @@ import dataclasses as dc
 import numpy as np
 from scipy import signal
 
-from np_drake.effects.base import ActuatorEffect, Parameter
-from np_drake.effects.parameter import log_uniform
+from np_drake.effects.base import ActuatorEffect, Parameter, log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -19,8 +18,6 @@ class MotorLag(ActuatorEffect):
 
     time_constant: float = 0.03  # [s]
 
-    identifier = "motor_lag"
-    named = "motor lag"
     bench_check = "measure the response of a rotor to a step"
     excited_by = "sharp doublets, and a log of rotor speed"
     grows_with = "torque"

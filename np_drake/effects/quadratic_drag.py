@@ -4,9 +4,15 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.air_speed import ALIKE, air_velocity_B, chi_from_body
-from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.parameter import drag_coefficients
+from np_drake.effects.base import (
+    ALIKE,
+    Motion,
+    Parameter,
+    WrenchEffect,
+    air_velocity_B,
+    chi_from_body,
+    drag_coefficients,
+)
 from np_drake.vehicle import Vehicle
 
 
@@ -21,9 +27,7 @@ class QuadraticDrag(WrenchEffect):
     c_y: float = 0.05  # [N·s²/m²]
     c_z: float = 0.05  # [N·s²/m²]
 
-    identifier = "quadratic_drag"
     requires = ("velocity",)
-    named = "quadratic drag"
     excited_by = "sprints at 1, 3 and 6 m/s: the square shows at speed"
     grows_with = "speed"
     told_from = {"linear_drag": "sprints at 1, 3 and 6 m/s: the square shows at speed"}

@@ -4,8 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.parameter import log_uniform
+from np_drake.effects.base import Motion, Parameter, WrenchEffect, log_uniform
 from np_drake.rigid_body import W
 from np_drake.vehicle import Vehicle
 
@@ -21,7 +20,6 @@ class RotorGyroscopic(WrenchEffect):
 
     rotor_inertia: float = 6.0e-5  # of one rotor about its axis [kg·m²]
 
-    identifier = "rotor_gyroscopic"
     constant = True
     named = "the rotors' gyroscopic moment"
     excited_by = "roll and pitch doublets while yawing hard"

@@ -4,8 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.air_speed import air_velocity_B, chi_from_body
-from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.effects.base import Motion, Parameter, WrenchEffect, air_velocity_B, chi_from_body
 from np_drake.vehicle import Vehicle
 
 AIR_DENSITY = 1.2  # at 20 °C near sea level [kg/m³]
@@ -30,7 +29,6 @@ class RotorInflow(WrenchEffect):
 
     slope: float = 0.6  # [1]
 
-    identifier = "rotor_inflow"
     named = "inflow of the rotors"
     drawn = (0.05, 1.5)
     excited_by = "fast climbs and descents with level attitude, then sprints at constant height"

@@ -4,8 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.parameter import arm, log_uniform
+from np_drake.effects.base import Motion, Parameter, WrenchEffect, arm, log_uniform
 from np_drake.effects.pendulum import Payload, hook_acceleration, hook_velocity, hook_wrench, swing
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
@@ -41,7 +40,6 @@ class SuspendedPayload(WrenchEffect):
     hook_z: float = -0.025  # [m]
     damping: float = 0.0  # drag over mass and velocity [1/s]
 
-    identifier = "suspended_payload"
     sudden = True
     named = "a suspended payload"
     phrase = "a {mass} payload on {length}"

@@ -18,7 +18,6 @@ class ThrottleCurve(ActuatorEffect):
 
     curve: float = 0.2  # [1]
 
-    identifier = "throttle_curve"
     role = "nuisance"
     turns_rotor = True
     named = "the throttle curve"

@@ -18,7 +18,6 @@ class ThrustCeiling(ActuatorEffect):
 
     share: float = 0.7  # of the vehicle's largest rotor thrust [1]
 
-    identifier = "thrust_ceiling"
     role = "simulated"
     turns_rotor = True
     linear = False

@@ -4,8 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import ActuatorEffect, Parameter
-from np_drake.effects.parameter import signed
+from np_drake.effects.base import ActuatorEffect, Parameter, signed
 from np_drake.vehicle import Vehicle
 
 
@@ -19,7 +18,6 @@ class ThrustDrift(ActuatorEffect):
     start: float = 1.0  # [1]
     rate: float = -0.005  # [1/s]
 
-    identifier = "thrust_drift"
     named = "a drift of thrust"
     phrase = "a drift of thrust of {rate}"
     bench_check = "log the battery's voltage, and look whether it sags"

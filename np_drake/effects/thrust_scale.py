@@ -16,7 +16,6 @@ class ThrustScale(ActuatorEffect):
 
     scale: float = 0.96  # [1]
 
-    identifier = "thrust_scale"
     named = "a thrust scale"
     drawn = (0.005, 0.15)
     either_sign = True

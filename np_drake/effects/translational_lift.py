@@ -4,9 +4,14 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.air_speed import air_velocity_B, chi_from_body
-from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.parameter import log_uniform
+from np_drake.effects.base import (
+    Motion,
+    Parameter,
+    WrenchEffect,
+    air_velocity_B,
+    chi_from_body,
+    log_uniform,
+)
 from np_drake.vehicle import Vehicle
 
 
@@ -20,9 +25,7 @@ class TranslationalLift(WrenchEffect):
 
     lift: float = 0.05  # [N·s²/m²]
 
-    identifier = "translational_lift"
     requires = ("velocity",)
-    named = "translational lift"
     excited_by = "sprints at constant height, then hover"
     grows_with = "speed"
     feels_rotor_rate = False

@@ -23,7 +23,6 @@ class UnevenLag(MotorLag):
     time_constant: float = 0.03  # of a rotor that speeds up [s]
     down: float = 0.05  # of one that slows down [s]
 
-    identifier = "uneven_lag"
     role = "calibration"
     named = "a lag of its own when slowing down"
     parameters = (  # type: ignore[assignment]  # one more than of the lag

@@ -21,7 +21,6 @@ class VelocityBias(SensorEffect):
     y: float = 0.0  # [m/s]
     z: float = 0.0  # [m/s]
 
-    identifier = "velocity_bias"
     requires = ("velocity",)
     named = "a velocity bias"
     drawn = (0.01, 0.5)

@@ -4,8 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import ActuatorEffect, Parameter
-from np_drake.effects.parameter import log_uniform
+from np_drake.effects.base import ActuatorEffect, Parameter, log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -19,7 +18,6 @@ class WeakRotor(ActuatorEffect):
     rotor: float = 1  # 1..4, as in the vehicle file
     efficiency: float = 0.85  # [1]
 
-    identifier = "weak_rotor"
     sudden = True
     named = "a weak rotor"
     phrase = "rotor {rotor} at {efficiency} of nominal"

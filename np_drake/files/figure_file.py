@@ -6,7 +6,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from np_drake.files.atomic_file import write_bytes
+from np_drake.files.file_access import write_bytes
 
 # Okabe and Ito's palette: distinguishable for colour-blind readers and, with the dashes, in grey
 # print.

@@ -11,8 +11,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from np_drake.files.atomic_file import write_bytes, write_text
 from np_drake.files.figure_file import png
+from np_drake.files.file_access import write_bytes, write_text
 from np_drake.files.number_text import kept_together
 
 FOLDER = Path(__file__).parent  # of the templates and the style sheet

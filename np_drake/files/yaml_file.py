@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from np_drake.files.input_file import read_bytes
+from np_drake.files.file_access import read_bytes
 
 MAX_BYTES = 10**6  # own choice; the largest file that the package writes has 20 kB
 LARGEST = 1e15  # number that a field may hold in any unit; own choice: beyond it squares overflow
@@ -74,7 +74,7 @@ def check_fields(thing: Any, who: str) -> None:
     for field in dc.fields(thing):
         value, about = getattr(thing, field.name), field.metadata
         if value not in about.get("words", [value]):
-            words = ", ".join(about["words"])
+            words = ", ".join(filter(None, about["words"]))
             raise ValueError(f"{who}: {field.name} must be one of {words}; got {value!r}.")
         if "unit" in about and not (value is None and field.default is None):
             _check_numbers(f"{who}: {field.name}", value, **about)
@@ -87,7 +87,8 @@ def _check_numbers(
     fits = np.shape(value) == shape and np.all(np.isfinite(value))
     if fits and np.min(value) >= least and np.max(value) <= most:
         return
-    words = WORDS.get(bounds, f"{least:g} to {most:g}")
+    between = f"positive, {most:g} at most" if least == POSITIVE else f"{least:g} to {most:g}"
+    words = WORDS.get(bounds, between)
     count = f"{' x '.join(map(str, shape))} numbers, each " if shape else ""
     remedy = f" Is it in {unit}?" if most < math.inf and unit != "1" else ""
     raise ValueError(f"{name} must be {count}{words} [{unit}]; got {value}.{remedy}")

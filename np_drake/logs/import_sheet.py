@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from np_drake.files.atomic_file import write_text
+from np_drake.checks import require
+from np_drake.files.file_access import write_text
 from np_drake.files.yaml_file import read_yaml
 from np_drake.logs.errors import LogError
 from np_drake.vehicle.rotor_layout import RotorLayout
@@ -61,10 +62,8 @@ def read_sheet(log: str | Path) -> Sheet:
         raise LogError(
             f"{path}: must be a sheet of np-drake import; write it again, or remove it."
         ) from error
-    if not 0 <= timing < 1:
-        raise LogError(f"{path}: timing must be 0 to 1 s; got {timing}.")
-    if not np.isfinite(start):
-        raise LogError(f"{path}: start must be a time [s]; got {start}.")
+    require(0 <= timing < 1, f"{path}: timing must be 0 to 1 s; got {timing}.", LogError)
+    require(np.isfinite(start), f"{path}: start must be a time [s]; got {start}.", LogError)
     return Sheet(timing, content, rotors, start)
 
 
@@ -93,6 +92,5 @@ def _layout(content: Any) -> RotorLayout | None:
         return None
     positions = tuple((float(x), float(y)) for x, y in content.get("positions", ()))
     directions = tuple(float(sign) for sign in content.get("directions", ()))
-    if len(positions) != 4 or len(directions) != 4:
-        raise ValueError("a layout has four rotors")
+    require(len(positions) == 4 and len(directions) == 4, "a layout has four rotors")
     return RotorLayout(positions, directions, str(content.get("source", "")))

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from np_drake.compiled import compiled
+from np_drake.compiled import compiled, times
 from np_drake.mpc.problem import COMMANDS, MpcConfig
 from np_drake.rigid_body import STATE_SIZE
 from np_drake.vehicle import Vehicle
@@ -211,13 +211,10 @@ def _advance(x, u, chi, step, mass, gravity, J, J_inv, damping, out):
     for stage in range(4):
         weight, in_p = _WEIGHT_V[stage], _WEIGHT_P[stage]
         zx, zy, zz = 2 * (i * k + w * j), 2 * (j * k - w * i), w * w - i * i - j * j + k * k
-        hx = J[0, 0] * a + J[0, 1] * b + J[0, 2] * c
-        hy = J[1, 0] * a + J[1, 1] * b + J[1, 2] * c
-        hz = J[2, 0] * a + J[2, 1] * b + J[2, 2] * c
+        hx, hy, hz = times(J, a, b, c)
         tx, ty, tz = tau_x - b * hz + c * hy, tau_y - c * hx + a * hz, tau_z - a * hy + b * hx
-        da = J_inv[0, 0] * tx + J_inv[0, 1] * ty + J_inv[0, 2] * tz - damping[0] * a
-        db = J_inv[1, 0] * tx + J_inv[1, 1] * ty + J_inv[1, 2] * tz - damping[1] * b
-        dc = J_inv[2, 0] * tx + J_inv[2, 1] * ty + J_inv[2, 2] * tz - damping[2] * c
+        da, db, dc = times(J_inv, tx, ty, tz)
+        da, db, dc = da - damping[0] * a, db - damping[1] * b, dc - damping[2] * c
         dw, di = 0.5 * (-i * a - j * b - k * c), 0.5 * (w * a + j * c - k * b)
         dj, dk = 0.5 * (w * b + k * a - i * c), 0.5 * (w * c + i * b - j * a)
         vx, vy, vz = vx + weight * zx, vy + weight * zy, vz + weight * zz
@@ -317,9 +314,7 @@ def _linearise(x, u, chi, step, mass, gravity, J, J_inv, damping, x_next, Fx, Fu
                 for col in range(10):
                     in_v[row, col] += weight * z[row, col]
                     in_p[row, col] += weight_p * z[row, col]
-            hx = J[0, 0] * a + J[0, 1] * b + J[0, 2] * c_
-            hy = J[1, 0] * a + J[1, 1] * b + J[1, 2] * c_
-            hz = J[2, 0] * a + J[2, 1] * b + J[2, 2] * c_
+            hx, hy, hz = times(J, a, b, c_)
             tx = u[n, 1] + chi[n, 3] - b * hz + c_ * hy
             ty = u[n, 2] + chi[n, 4] - c_ * hx + a * hz
             tz = u[n, 3] + chi[n, 5] - a * hy + b * hx
@@ -378,9 +373,7 @@ def _rotation_jacobian(r, J, J_inv, damping, M, turn):
     M[1, 4], M[1, 5], M[1, 6] = 0.5 * w, -0.5 * k, 0.5 * j
     M[2, 4], M[2, 5], M[2, 6] = 0.5 * k, 0.5 * w, -0.5 * i
     M[3, 4], M[3, 5], M[3, 6] = -0.5 * j, 0.5 * i, 0.5 * w
-    hx = J[0, 0] * a + J[0, 1] * b + J[0, 2] * c
-    hy = J[1, 0] * a + J[1, 1] * b + J[1, 2] * c
-    hz = J[2, 0] * a + J[2, 1] * b + J[2, 2] * c
+    hx, hy, hz = times(J, a, b, c)
     for col in range(3):  # -(w x J - (J w) x)
         turn[0, col] = c * J[1, col] - b * J[2, col]
         turn[1, col] = a * J[2, col] - c * J[0, col]

@@ -6,24 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
+from np_drake.files.yaml_file import POSITIVE, check_fields, number, word
 from np_drake.residual_model import WrenchForecast
 
-LONGEST_HORIZON = 200  # [1]; own choice: ten times the usual one, and 100 MB of matrices
 COMMANDS = ("rotors", "rates")  # what an MPC may decide on
-LONGEST_STEP = 10.0  # [s]; own choice
-_WEIGHTS = {  # entries of each
-    "weight_position": 3,
-    "weight_attitude": 4,
-    "weight_velocity": 3,
-    "weight_rate": 3,
-    "weight_rates": 3,
-    "weight_input": 4,
-}
-_POSITIVE = {  # each with the reason, where it is not plain
-    "weight_input": "",
-    "weight_rates": "",
-    "weight_position": ": the terminal set needs it",
-}
 
 
 @dc.dataclass
@@ -31,77 +17,44 @@ class MpcConfig:
     """Weights and sets of problem (nmpc).
 
     The error e_x is x - x* in the 13 state components.
-    Source of the weights: tuned on the vehicle without payload, then frozen (`np-drake reproduce
-    weights`).
+    Source of the weights: tuned on the vehicle without payload, then frozen.
     """
 
-    horizon: int = 20  # number of steps N, 200 at most [1]
-    step: float = 0.04  # a whole multiple of the controller's period, 10 at most [s]
-    # Q on position [1/m²]
-    weight_position: list[float] = dc.field(default_factory=lambda: [160.0, 160.0, 320.0])
-    weight_attitude: list[float] = dc.field(
-        default_factory=lambda: [1.0, 5.0, 5.0, 5.0]
-    )  # Q on the quaternion's components [1]
-    # Q on velocity [s²/m²]
-    weight_velocity: list[float] = dc.field(default_factory=lambda: [2.0, 2.0, 2.0])
-    # Q on body rates [s²/rad²]
-    weight_rate: list[float] = dc.field(default_factory=lambda: [0.03, 0.03, 0.03])
-    weight_input: list[float] = dc.field(
-        default_factory=lambda: [0.02, 18.0, 18.0, 45.0]
-    )  # R on thrust and torques [1/N², 1/(N·m)²]
+    # number of steps N, 200 at most (own choice: ten times the usual, and 100 MB of matrices)
+    horizon: int = number(20, "1", 1, 200)
+    # a whole multiple of the controller's period, 10 s at most
+    step: float = number(0.04, "s", POSITIVE, 10.0)
+    # Q on position, which the terminal set needs
+    weight_position: list[float] = number([160.0, 160.0, 320.0], "1/m²", POSITIVE)
+    # Q on the quaternion's components
+    weight_attitude: list[float] = number([1.0, 5.0, 5.0, 5.0], "1", 0.0)
+    weight_velocity: list[float] = number([2.0, 2.0, 2.0], "s²/m²", 0.0)  # Q on velocity
+    weight_rate: list[float] = number([0.03, 0.03, 0.03], "s²/rad²", 0.0)  # Q on body rates
+    # R on thrust and torques
+    weight_input: list[float] = number([0.02, 18.0, 18.0, 45.0], "1/N², 1/(N·m)²", POSITIVE)
     # rotors: thrust and torque | rates: rates and collective thrust, set by an autopilot
-    command: str = "rotors"
-    weight_rates: list[float] = dc.field(
-        default_factory=lambda: [0.3, 0.3, 0.3]
-    )  # R on commanded body rates, with command `rates` [s²/rad²]
-    weight_swing: float = (
-        0.0  # on the predicted lateral force, to damp a payload's swing; 0: off [1/N²]
-    )
-    terminal: str = "riccati"  # P: riccati: cost-to-go at hover | scaled: terminal_scale * Q
-    terminal_scale: float = 5.0  # of Q on position and velocity, where terminal is `scaled` [1]
-    max_speed: float = 6.0  # soft, on each component of velocity [m/s]
-    max_tilt: float = 0.9  # soft, angle of body z from world z [rad]
-    terminal_radius: float = (
-        1.5  # soft ellipsoid on the last state: sqrt(e_N^T P_f e_N), P_f = P / P_xx [m]
-    )
-    slack_weight: float = 1000.0  # exact L1 penalty on each violated set [1 per unit of the set]
+    command: str = word("rotors", *COMMANDS)
+    # R on commanded body rates, with command `rates`
+    weight_rates: list[float] = number([0.3, 0.3, 0.3], "s²/rad²", POSITIVE)
+    # on the predicted lateral force, to damp a payload's swing; 0: off
+    weight_swing: float = number(0.0, "1/N²", 0.0)
+    # P: riccati: cost-to-go at hover | scaled: terminal_scale * Q
+    terminal: str = word("riccati", "riccati", "scaled")
+    # of Q on position and velocity, where terminal is `scaled`
+    terminal_scale: float = number(5.0, "1", POSITIVE)
+    max_speed: float = number(6.0, "m/s", POSITIVE)  # soft, on each component of velocity
+    max_tilt: float = number(0.9, "rad", POSITIVE, 3.14)  # soft, angle of body z from world z
+    # soft ellipsoid on the last state: sqrt(e_N^T P_f e_N), P_f = P / P_xx
+    terminal_radius: float = number(1.5, "m", POSITIVE)
+    # exact L1 penalty on each violated set
+    slack_weight: float = number(1000.0, "1 per unit of the set", POSITIVE)
 
     def check(self) -> "MpcConfig":
         """Return self after checking weights, sets and horizon.
 
         Raises: ValueError: if one is impossible.
         """
-        _require(
-            1 <= self.horizon <= LONGEST_HORIZON,
-            f"horizon must be 1 to {LONGEST_HORIZON} steps; got {self.horizon}",
-        )
-        _require(
-            0 < self.step <= LONGEST_STEP,
-            f"step must be positive, {LONGEST_STEP:g} s at most; got {self.step}",
-        )
-        for name, size in _WEIGHTS.items():
-            weight = np.array(getattr(self, name), float)
-            _require(
-                weight.shape == (size,), f"{name} must have {size} entries; got {weight.shape}"
-            )
-            _require(
-                bool(np.all((weight >= 0) & (weight < np.inf))),
-                f"{name} must be finite and not negative; got {weight.tolist()}",
-            )
-        _require(self.command in COMMANDS, f"command: {' | '.join(COMMANDS)}; got {self.command!r}")
-        for name, why in _POSITIVE.items():
-            _require(min(getattr(self, name)) > 0, f"{name} must be positive{why}")
-        _require(
-            0 <= self.weight_swing < np.inf,
-            f"weight_swing must be finite and not negative; got {self.weight_swing}",
-        )
-        for name in ("terminal_scale", "max_speed", "max_tilt", "terminal_radius", "slack_weight"):
-            _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
-        _require(
-            self.terminal in ("riccati", "scaled"),
-            f"terminal: riccati | scaled; got {self.terminal}",
-        )
-        _require(self.max_tilt < np.pi, "max_tilt must be below pi [rad]")
+        check_fields(self, "MpcConfig")
         return self
 
     @property
@@ -180,8 +133,3 @@ class MpcSolver(Protocol):
         Raises: SolverFailure: if no usable answer was found.
         """
         ...
-
-
-def _require(condition: bool, message: str) -> None:
-    if not condition:
-        raise ValueError(f"MpcConfig: {message}.")

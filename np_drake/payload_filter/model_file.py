@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.lifting.model.model_file import read_model, schema_of, summary_in, write_model
+from np_drake.checks import require
+from np_drake.lifting.model.lifted_model import read_model, schema_of, summary_in, write_model
 from np_drake.vehicle.scaling import Scales, over_paper
 
 PAYLOAD_FILTER, OLD_NAME = (
@@ -61,23 +62,23 @@ class PayloadFilterModel:
 
     def __post_init__(self):
         for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation", "arm"):
-            if not 0 < getattr(self, name) < LARGEST:
-                raise ValueError(
-                    f"PayloadFilterModel: {name} must be positive; got {getattr(self, name)}."
-                )
-        delayed = 0 <= self.delay < np.inf and 0 <= self.rotor_lag < np.inf
-        if not (delayed and self.thrust_error > -1 and np.isfinite(self.drag)):
-            raise ValueError(
-                "PayloadFilterModel: delay and rotor_lag must not be negative, thrust_error above "
-                "-1, drag finite."
+            require(
+                0 < getattr(self, name) < LARGEST,
+                f"PayloadFilterModel: {name} must be positive; got {getattr(self, name)}.",
             )
+        delayed = 0 <= self.delay < np.inf and 0 <= self.rotor_lag < np.inf
+        require(
+            delayed and self.thrust_error > -1 and np.isfinite(self.drag),
+            "PayloadFilterModel: delay and rotor_lag must not be negative, thrust_error above "
+            "-1, drag finite.",
+        )
         for name, (length, unit) in VECTORS.items():
             value = getattr(self, name)
-            if np.shape(value) != (length,) or not np.all(np.isfinite(value)):
-                raise ValueError(
-                    f"PayloadFilterModel: {name} must be {length} finite numbers [{unit}]; "
-                    f"got {value}."
-                )
+            require(
+                np.shape(value) == (length,) and np.all(np.isfinite(value)),
+                f"PayloadFilterModel: {name} must be {length} finite numbers [{unit}]; "
+                f"got {value}.",
+            )
 
     @property
     def unit(self) -> Scales:

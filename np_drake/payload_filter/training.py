@@ -8,9 +8,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from np_drake import attitude
+from np_drake.checks import require
 from np_drake.command_delay import FINE, LONGEST_DELAY
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.model_file import origin_of
+from np_drake.lifting.model.lifted_model import origin_of
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import DEFAULT_BANK, RAW, PayloadFilter
@@ -18,7 +19,7 @@ from np_drake.residual_model import Memory, Sample
 from np_drake.rigid_body import Q, V, W
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.actuator_timing import delayed, learned_timing
-from np_drake.training_data.training_segments import Flight, picked_flight, require_torque
+from np_drake.training_data.segments import Flight, picked_flight, require_torque
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios, scales
 
@@ -51,20 +52,20 @@ def train_payload_filter(
     """
     logs = [(with_accelerations(require_torque(log)), vehicle) for log, vehicle in flights]
     vehicle = logs[0][1]
-    if any(other != vehicle for _, other in logs):
-        raise ValueError(
-            "payload_filter: all flights must be of one vehicle; give them one --vehicle FILE."
-        )
+    require(
+        all(other == vehicle for _, other in logs),
+        "payload_filter: all flights must be of one vehicle; give them one --vehicle FILE.",
+    )
     delays = [step * part / FINE for part in range(LONGEST_DELAY * FINE + 1)]
     lag, delay = learned_timing(logs, delays)
     samples = [flight_samples(log, vehicle, lag, step, delay) for log, _ in logs]
     for (log, _), flight in zip(logs, samples, strict=True):
-        if not len(torque_steps(flight)):
-            raise ValueError(
-                f"payload_filter: flight {log.name} must have torque labels at "
-                f"neighbouring samples (command and "
-                "angular acceleration in the same rows); got none."
-            )
+        require(
+            len(torque_steps(flight)),
+            f"payload_filter: flight {log.name} must have torque labels at "
+            f"neighbouring samples (command and "
+            "angular acceleration in the same rows); got none.",
+        )
     hook = np.zeros(3)
     for done in (1, 2):
         model = _refined(_untrained(vehicle, lag, step, hook), samples)
@@ -86,11 +87,10 @@ def opened_logs(flights: Sequence[Flight]) -> Flights:
     logs = [
         (flight.data, flight.vehicle) for flight in flights if isinstance(flight.data, FlightLog)
     ]
-    if len(logs) < len(flights):
-        raise ValueError(
-            "payload_filter: must have flight logs, with attitude and command; got arrays "
-            "of wrenches."
-        )
+    require(
+        len(logs) >= len(flights),
+        "payload_filter: must have flight logs, with attitude and command; got arrays of wrenches.",
+    )
     return logs
 
 

@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.files.yaml_file import POSITIVE, check_fields, number, word
 from np_drake.references.base import Hover, Reference, Sum
 from np_drake.references.harmonic import Multisine, circle, lemniscate, vertical_lemniscate
@@ -50,30 +51,31 @@ class ReferenceConfig:
         """
         who = "ReferenceConfig:"
         check_fields(self, "ReferenceConfig")
-        if self.track not in TRACKS and not self.is_file:
-            known = ", ".join(TRACKS)
-            raise ValueError(
-                f"{who} track must be one of {known} or a CSV file; got {self.track!r}."
-            )
-        if self.track == "vertical" and not self.rise < self.height:
-            raise ValueError(
-                f"{who} rise must be below height, or the track leads into the ground; got "
-                f"{self.rise}, {self.height} [m]."
-            )
-        if not self.band[0] < self.band[1]:
-            raise ValueError(f"{who} band must be a lower and a higher frequency; got {self.band}.")
-        if not self.dither_frequencies or not all(0 < f < np.inf for f in self.dither_frequencies):
-            raise ValueError(
-                f"{who} dither_frequencies must be positive and finite [Hz]; got "
-                f"{self.dither_frequencies}."
-            )
+        require(
+            self.track in TRACKS or self.is_file,
+            f"{who} track must be one of {', '.join(TRACKS)} or a CSV file; got {self.track!r}.",
+        )
+        require(
+            self.track != "vertical" or self.rise < self.height,
+            f"{who} rise must be below height, or the track leads into the ground; got "
+            f"{self.rise}, {self.height} [m].",
+        )
+        require(
+            self.band[0] < self.band[1],
+            f"{who} band must be a lower and a higher frequency; got {self.band}.",
+        )
+        require(
+            self.dither_frequencies and all(0 < f < np.inf for f in self.dither_frequencies),
+            f"{who} dither_frequencies must be positive and finite [Hz]; got "
+            f"{self.dither_frequencies}.",
+        )
         if self.is_file:
             self._file()
-        elif self.corners != ROUND:
-            raise ValueError(
-                f"{who} corners is for the waypoints of a CSV file; got {self.corners} and "
-                f"{self.track}."
-            )
+        require(
+            self.is_file or self.corners == ROUND,
+            f"{who} corners is for the waypoints of a CSV file; got {self.corners} and "
+            f"{self.track}.",
+        )
         return self
 
     @property

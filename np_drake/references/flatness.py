@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from np_drake.compiled import compiled
+from np_drake.compiled import compiled, times
 from np_drake.vehicle import Vehicle
 
 _DELTA = 1e-4  # step of the central difference that turns body rate into angular acceleration [s]
@@ -101,9 +101,7 @@ def _follow(flat, chi, mass, gravity, J, delta, x, u):
         x[i, 3], x[i, 4], x[i, 5], x[i, 6] = w, q_x, q_y, q_z
         x[i, 10], x[i, 11], x[i, 12] = a, b, c
         u[i, 0] = math.sqrt(f_x * f_x + f_y * f_y + f_z * f_z)
-        h_x = J[0, 0] * a + J[0, 1] * b + J[0, 2] * c
-        h_y = J[1, 0] * a + J[1, 1] * b + J[1, 2] * c
-        h_z = J[2, 0] * a + J[2, 1] * b + J[2, 2] * c
+        h_x, h_y, h_z = times(J, a, b, c)
         u[i, 1], u[i, 2], u[i, 3] = b * h_z - c * h_y, c * h_x - a * h_z, a * h_y - b * h_x
         for row in range(3):
             turn = 0.0

@@ -280,13 +280,7 @@ def _check_columns(table: Table) -> None:
 
 def _check_cells(table: Table) -> None:
     """Check that every cell is a finite number and every point above the ground."""
-    if table.ragged:
-        raise table.error(
-            f"must have {len(table.columns)} cells as the header does.", row=table.ragged[0]
-        )
-    if table.unreadable:
-        row, column, text = table.unreadable[0]
-        raise table.error(f"must be a number; got {text[:40]!r}.", column=column, row=row)
+    table.require_cells()
     for column, values in table.columns.items():
         if column not in FEEDFORWARD:
             _require(

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.lifting.model.model_file import STEPS, number_in, read_model, summary_in, write_model
+from np_drake.checks import require
+from np_drake.lifting.model.lifted_model import (
+    STEPS,
+    number_in,
+    read_model,
+    summary_in,
+    write_model,
+)
 from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
@@ -33,12 +40,11 @@ class GaussianProcess:
         n = len(self.X)
         wanted = {"X": (n, 6), "weight": (n, 6), "length": (6, 6), "mean": (6,)}
         for name, shape in wanted.items():
-            if np.shape(getattr(self, name)) != shape:
-                raise ValueError(
-                    f"GaussianProcess: {name} must be {shape}; got {np.shape(getattr(self, name))}."
-                )
-        if not np.all(self.length > 0):
-            raise ValueError("GaussianProcess: length must be positive.")
+            require(
+                np.shape(getattr(self, name)) == shape,
+                f"GaussianProcess: {name} must be {shape}; got {np.shape(getattr(self, name))}.",
+            )
+        require(np.all(self.length > 0), "GaussianProcess: length must be positive.")
         object.__setattr__(self, "_precision", (1.0 / self.length**2).T.copy())
 
     def __call__(self, zeta: np.ndarray) -> np.ndarray:
@@ -160,14 +166,16 @@ class WrenchNetwork:
     def __post_init__(self):
         width = 6
         for W, b in zip(self.weights, self.biases, strict=True):
-            if W.ndim != 2 or W.shape[1] != width or b.shape != (len(W),):
-                raise ValueError(
-                    f"WrenchNetwork: each layer must take the {width} outputs before it; "
-                    f"got {W.shape}."
-                )
+            require(
+                W.ndim == 2 and W.shape[1] == width and b.shape == (len(W),),
+                f"WrenchNetwork: each layer must take the {width} outputs before it; "
+                f"got {W.shape}.",
+            )
             width = len(W)
-        if not self.weights or width != 6 or self.scale.shape != (6,) or self.unit.shape != (6,):
-            raise ValueError("WrenchNetwork: the last layer, scale and unit must have six entries.")
+        require(
+            self.weights and width == 6 and self.scale.shape == (6,) and self.unit.shape == (6,),
+            "WrenchNetwork: the last layer, scale and unit must have six entries.",
+        )
 
     def __call__(self, zeta: np.ndarray) -> np.ndarray:
         """Return chi (..., 6) [N, N·m] at zeta (..., 6) [m/s, rad/s]."""
@@ -225,13 +233,12 @@ class MotionModel:
     summary: dict[str, Any] = dc.field(default_factory=dict)  # key figures of the training
 
     def __post_init__(self):
-        if self.name not in REACTIONS or not isinstance(self.reaction, REACTIONS[self.name]):
-            raise ValueError(
-                f"MotionModel: name must be {' | '.join(REACTIONS)}, as its reaction is; "
-                f"got {self.name}."
-            )
-        if not 0 < self.step < np.inf:
-            raise ValueError(f"MotionModel: step must be positive [s]; got {self.step}.")
+        require(
+            self.name in REACTIONS and isinstance(self.reaction, REACTIONS[self.name]),
+            f"MotionModel: name must be {' | '.join(REACTIONS)}, as its reaction is; "
+            f"got {self.name}.",
+        )
+        require(0 < self.step < np.inf, f"MotionModel: step must be positive [s]; got {self.step}.")
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample: zeta (6,) last measured [m/s, rad/s]."""
@@ -270,8 +277,10 @@ class MotionModel:
         Raises: ValueError: as `read_model`.
         """
         model = read_model(path, SCHEMA, cls._build)
-        if name is not None and model.name != name:
-            raise ValueError(f"{path}: the model must be {name}; got {model.name}.")
+        require(
+            name is None or model.name == name,
+            f"{path}: the model must be {name}; got {model.name}.",
+        )
         return model
 
     @classmethod

@@ -6,11 +6,21 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import rigid_body
+from np_drake.checks import require
 from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
-from np_drake.lifting.model.encoders import Phi
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
-from np_drake.lifting.model.lifted_model import FAMILIES, MODE_DICTIONARY, LiftedModel
-from np_drake.lifting.model.model_file import load_model, rotor_lag_of
+from np_drake.lifting.model.lifted_linear_system import (
+    DelayEncoder,
+    LiftedLinearSystem,
+    Phi,
+    advance,
+)
+from np_drake.lifting.model.lifted_model import (
+    FAMILIES,
+    MODE_DICTIONARY,
+    LiftedModel,
+    load_model,
+    rotor_lag_of,
+)
 from np_drake.lifting.model.window_refit import WindowRefit
 from np_drake.residual_model import FlightForecasts, Memory, Sample, WrenchForecast
 
@@ -68,13 +78,15 @@ class NeuralPredictor:
     """
 
     def __init__(self, model: LiftedModel, *, torque: str = "hold"):
-        if torque not in ("hold", "predict"):
-            raise ValueError(f"NeuralPredictor: torque must be hold | predict; got {torque}.")
-        if torque == "predict" and not model.predicts_torque:
-            raise ValueError(
-                "NeuralPredictor: this model must not predict torque; it was trained "
-                "without. Use hold."
-            )
+        require(
+            torque in ("hold", "predict"),
+            f"NeuralPredictor: torque must be hold | predict; got {torque}.",
+        )
+        require(
+            torque != "predict" or model.predicts_torque,
+            "NeuralPredictor: this model must not predict torque; it was trained "
+            "without. Use hold.",
+        )
         ours = model.configuration in (*FAMILIES, MODE_DICTIONARY)
         self.name = "np" if ours else f"np-{model.configuration}"
         self.model, self.step = model, model.step
@@ -201,8 +213,8 @@ Along = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]  # A, B, z,
 class _Windowed:
     """Linear encoder of the window, its forecast corrected by a trust where the model has one."""
 
-    def __init__(self, model: LiftedModel):
-        self.model, self._encoder = model, model.linear_encoder
+    def __init__(self, model: LiftedModel, encoder: DelayEncoder):
+        self.model, self._encoder = model, encoder
 
     def initial_memory(self) -> Memory:
         """Return what is kept beside the predictor's own memory."""
@@ -294,4 +306,6 @@ def _lifting_of(model: LiftedModel) -> _Windowed | _Refitted | _Adapted:
     """Return how windows are lifted in flight."""
     if isinstance(model.encoder, AdaptiveFamily):
         return _Adapted(model, model.encoder)
-    return _Refitted(model) if isinstance(model.encoder, Phi) else _Windowed(model)
+    if isinstance(model.encoder, DelayEncoder):
+        return _Windowed(model, model.encoder)
+    return _Refitted(model)

@@ -8,10 +8,8 @@ import numpy as np
 from scipy import signal
 
 from np_drake import attitude
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog
-from np_drake.labels import LabelConfig, labels, smooth_labels
-from np_drake.training_data.segments import WrenchSequence
-from np_drake.vehicle import Vehicle
 
 LIFT_BAND = 4.0  # of a measured lift [Hz]; own choice: below motor lag
 BANDWIDTH = 15.0  # [Hz], -6 dB; own choice: 0.3 m/s² of noise from 0.01 m/s at 100 Hz
@@ -29,8 +27,7 @@ def with_accelerations(log: FlightLog, bandwidth: float = BANDWIDTH) -> FlightLo
         bandwidth: of the low-pass [Hz].
     Raises: ValueError: if the bandwidth is not positive.
     """
-    if not bandwidth > 0:
-        raise ValueError(f"with_accelerations: bandwidth must be positive [Hz]; got {bandwidth}.")
+    require(bandwidth > 0, f"with_accelerations: bandwidth must be positive [Hz]; got {bandwidth}.")
     new = [name for name in ("a", "al") if getattr(log, name) is None]
     if not new:
         return log
@@ -95,42 +92,17 @@ def rows_at(log: FlightLog, step: float) -> np.ndarray:
         step: between rows [s].
     Raises: ValueError: if the step is shorter than the log's, or leaves fewer than two rows.
     """
-    if not step > 0.999 * log.step:
-        raise ValueError(
-            f"decimate: step must be at least that of {log.name}, {log.step:.4g} s; got "
-            f"{step:.4g} s."
-        )
+    require(
+        step > 0.999 * log.step,
+        f"decimate: step must be at least that of {log.name}, {log.step:.4g} s; got {step:.4g} s.",
+    )
     wanted = np.arange(log.t[0], log.t[-1] + 0.5 * log.step, step)
-    if len(wanted) < 2:
-        raise ValueError(
-            f"decimate: {log.name} lasts {log.t[-1] - log.t[0]:.3g} s, less than {step:.3g} s."
-        )
+    require(
+        len(wanted) >= 2,
+        f"decimate: {log.name} lasts {log.t[-1] - log.t[0]:.3g} s, less than {step:.3g} s.",
+    )
     after = np.clip(np.searchsorted(log.t, wanted), 1, len(log) - 1)
     return np.where(wanted - log.t[after - 1] < log.t[after] - wanted, after - 1, after)
-
-
-def wrench_sequence(
-    log: FlightLog,
-    vehicle: Vehicle,
-    config: LabelConfig | None = None,
-    *,
-    step: float = 0.02,
-    zero_phase: bool = False,
-) -> WrenchSequence:
-    """Return labels made at the log's own rate, then one row every `step` [s]; zeta in W.
-
-    Args:
-        config: low-pass; None: that of the vehicle.
-        step: between rows [s].
-        zero_phase: `smooth_labels` instead of the causal ones (targets for training only).
-    Raises: ValueError: if the log has no accelerations, or the step does not fit.
-    """
-    chi = (smooth_labels if zero_phase else labels)(log, vehicle, config)
-    rows = rows_at(log, step)
-    zeta = np.concatenate([log.v, log.w], axis=1)
-    return WrenchSequence(
-        step, chi[rows], zeta[rows], "world", log.name, notes=list(log.notes)
-    ).check()
 
 
 BAND = 1.0  # least bandwidth over which spectra are averaged [Hz]; own choice

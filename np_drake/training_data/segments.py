@@ -1,8 +1,29 @@
-"""Training input as plain arrays: the wrench of one flight, and its uninterrupted pieces."""
+"""Training input as plain arrays: the wrench of one flight, its uninterrupted pieces, and a flight
+sampled at a fixed step, as a residual model is fed with it in flight.
+"""
 
 import dataclasses as dc
+import functools
+from collections.abc import Sequence
 
 import numpy as np
+
+from np_drake.checks import require
+from np_drake.flight_log import FlightLog
+from np_drake.labels import (
+    LabelConfig,
+    ReadsLabels,
+    default_labels,
+    labelled,
+    labels,
+    raw_labels,
+    smooth_labels,
+)
+from np_drake.residual_model import Sample
+from np_drake.rotor_input import acting_command
+from np_drake.training_data.accelerations import rows_at, with_accelerations
+from np_drake.training_data.actuator_timing import delayed
+from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass
@@ -31,19 +52,20 @@ class WrenchSequence:
 
         Raises: ValueError: where they do not fit.
         """
-        if self.frame not in ("world", "body"):
-            raise ValueError(f"WrenchSequence: frame must be world or body; got {self.frame!r}.")
-        if not 0 < self.step < np.inf:
-            raise ValueError(f"WrenchSequence: step must be positive [s]; got {self.step}.")
-        if (
-            np.ndim(self.chi) != 2
-            or np.shape(self.chi)[1] != 6
-            or np.shape(self.zeta) != np.shape(self.chi)
-        ):
-            raise ValueError(
-                f"WrenchSequence: chi and zeta must be (n, 6); got {np.shape(self.chi)}, "
-                f"{np.shape(self.zeta)}."
-            )
+        require(
+            self.frame in ("world", "body"),
+            f"WrenchSequence: frame must be world or body; got {self.frame!r}.",
+        )
+        require(
+            0 < self.step < np.inf, f"WrenchSequence: step must be positive [s]; got {self.step}."
+        )
+        require(
+            np.ndim(self.chi) == 2
+            and np.shape(self.chi)[1] == 6
+            and np.shape(self.zeta) == np.shape(self.chi),
+            f"WrenchSequence: chi and zeta must be (n, 6); got {np.shape(self.chi)}, "
+            f"{np.shape(self.zeta)}.",
+        )
         return self
 
 
@@ -84,14 +106,13 @@ def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
     Raises: ValueError: if a shape or value is wrong, steps differ by over 2 %, or none is long
         enough.
     """
-    if not segments:
-        raise ValueError("Segment: there must be at least one training segment; got none.")
+    require(segments, "Segment: there must be at least one training segment; got none.")
     checked = [_checked(segment, number) for number, segment in enumerate(segments)]
     steps = np.array([segment.step for segment in checked])
-    if np.ptp(steps) > 0.02 * steps.min():
-        raise ValueError(
-            f"Segment: all segments must share one step [s]; got {steps.min()} to {steps.max()}."
-        )
+    require(
+        np.ptp(steps) <= 0.02 * steps.min(),
+        f"Segment: all segments must share one step [s]; got {steps.min()} to {steps.max()}.",
+    )
     long = [segment for segment in checked if len(segment) >= shortest]
     if not long:
         longest = max(map(len, checked))
@@ -105,17 +126,16 @@ def _checked(segment: Segment, number: int) -> Segment:
     arrays = {"chi": segment.chi, "zeta": segment.zeta, "target": segment.goal}
     for name, value in arrays.items():
         arrays[name] = value = np.asarray(value, float)
-        if value.ndim != 2 or value.shape != (len(segment.chi), 6):
-            raise ValueError(
-                f"Segment {number}: {name} must be (n, 6), one n for all; got {value.shape}."
-            )
+        require(
+            value.ndim == 2 and value.shape == (len(segment.chi), 6),
+            f"Segment {number}: {name} must be (n, 6), one n for all; got {value.shape}.",
+        )
         if not np.all(np.isfinite(value)):
             row = int(np.argmin(np.all(np.isfinite(value), axis=1)))
             raise ValueError(
                 f"Segment {number}: {name} must be finite; row {row} is not. Cut the log there."
             )
-    if not segment.step > 0:
-        raise ValueError(f"Segment {number}: step must be positive [s]; got {segment.step}.")
+    require(segment.step > 0, f"Segment {number}: step must be positive [s]; got {segment.step}.")
     return Segment(
         arrays["chi"], arrays["zeta"], float(segment.step), arrays["target"], segment.late
     )
@@ -146,3 +166,317 @@ def white_noise(values: list[np.ndarray]) -> np.ndarray:
     """
     difference = np.concatenate([np.diff(piece, n=4, axis=0) for piece in values])
     return np.median(np.abs(difference), axis=0) / (0.6745 * np.sqrt(70.0))
+
+
+def wrench_sequence(
+    log: FlightLog,
+    vehicle: Vehicle,
+    config: LabelConfig | None = None,
+    *,
+    step: float = 0.02,
+    zero_phase: bool = False,
+) -> WrenchSequence:
+    """Return labels made at the log's own rate, then one row every `step` [s]; zeta in W.
+
+    Args:
+        config: low-pass; None: that of the vehicle.
+        step: between rows [s].
+        zero_phase: `smooth_labels` instead of the causal ones (targets for training only).
+    Raises: ValueError: if the log has no accelerations, or the step does not fit.
+    """
+    chi = (smooth_labels if zero_phase else labels)(log, vehicle, config)
+    rows = rows_at(log, step)
+    zeta = np.concatenate([log.v, log.w], axis=1)
+    return WrenchSequence(
+        step, chi[rows], zeta[rows], "world", log.name, notes=list(log.notes)
+    ).check()
+
+
+@dc.dataclass(frozen=True)
+class SampledFlight:
+    """State, command and label of a flight every `step` seconds.
+
+    x: (n, 13) state at t_k = k step, of the last row up to then.
+    u: (n, 4) command that acted, mean from t_(k-1) to t_k [N, N·m].
+    chi: (n, 6) label, mean of the raw one over the same time [N, N·m]; NaN where the log has a gap.
+    """
+
+    step: float
+    x: np.ndarray
+    u: np.ndarray
+    chi: np.ndarray
+    name: str = "flight"
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    @property
+    def zeta(self) -> np.ndarray:
+        """Velocity in W and body rates, (n, 6) [m/s, rad/s]."""
+        return self.x[:, 7:13]
+
+    @functools.cached_property
+    def gapless(self) -> bool:
+        """Whether every sample has a label."""
+        return bool(np.isfinite(self.chi).all())
+
+    @property
+    def segment(self) -> Segment:
+        """Whole flight as training input and target, gaps of the label bridged by a line."""
+        k, good = np.arange(len(self)), np.isfinite(self.chi).all(axis=1)
+        chi = np.stack([np.interp(k, k[good], column[good]) for column in self.chi.T], axis=1)
+        return Segment(chi, self.zeta, self.step)
+
+    def rows(self, start: int, stop: int) -> "SampledFlight":
+        """Return samples `start` to `stop`, without the last."""
+        part = slice(start, stop)
+        return dc.replace(self, x=self.x[part], u=self.u[part], chi=self.chi[part])
+
+    def sample(self, k: int) -> Sample:
+        """Return sample k."""
+        return Sample(self.x[k], self.u[k], self.chi[k])
+
+
+def sampled_flight(
+    log: FlightLog, vehicle: Vehicle, *, step: float = 0.02, label: LabelConfig | None = None
+) -> SampledFlight:
+    """Return the flight with labels of eq. (1) averaged over each step, which uses nothing later
+    than the sample.
+
+    Accelerations that the log lacks are differentiated first, see `with_accelerations`.
+
+    Args:
+        step: time between samples [s].
+    Raises: ValueError: if the step is shorter than the log's, or the flight than two steps.
+    """
+    require(
+        step > 0.999 * log.step,
+        f"sampled_flight: step must be at least that of {log.name}, {log.step:.4g} s; "
+        f"got {step:.4g} s.",
+    )
+    log = with_accelerations(log)
+    t = log.t - log.t[0]
+    count = int(t[-1] / step + 1e-6) + 1
+    require(
+        count >= 3,
+        f"sampled_flight: {log.name} must last two steps of {step:g} s; got {t[-1]:.3g} s.",
+    )
+    bins = np.ceil(t / step - 1e-6).astype(
+        int
+    )  # row of time t belongs to the sample that ends its step
+    last = np.searchsorted(t, step * np.arange(count) + 1e-6 * step, side="right") - 1
+    raw = raw_labels(log, vehicle)
+    chi = _means(raw, bins, count)
+    u = _held(_means(acting_command(log, vehicle), bins, count))
+    if label is not None:
+        chi = np.where(np.isfinite(chi), labels(log, vehicle, label)[last], np.nan)
+    return SampledFlight(step, log.x[last], u, chi, log.name)
+
+
+def picked_flight(
+    log: FlightLog, vehicle: Vehicle, *, step: float, label: LabelConfig | None = None
+) -> SampledFlight:
+    """Return the flight with the rows nearest to every step, as a predictor sees them in flight
+    (see `rows_at`).
+
+    The label of a row is that of the command that acts at the row, its `u` the mean command since
+    the row before.
+
+    Args:
+        step: time between samples [s].
+        label: low-pass; None: that of the vehicle.
+    Raises: ValueError: if the step does not fit the log.
+    """
+    chi, rows = labels(log, vehicle, label), rows_at(log, step)
+    before = np.concatenate([[max(rows[0] - 1, 0)], rows[:-1]])
+    u = np.array(
+        [
+            log.u[start : max(row, start + 1)].mean(axis=0)
+            for start, row in zip(before, rows, strict=True)
+        ]
+    )
+    return SampledFlight(step, log.x[rows], u, chi[rows], log.name)
+
+
+def of_wrenches(chi: np.ndarray, zeta: np.ndarray, step: float) -> SampledFlight:
+    """Return a flight of which labels and motion zeta (n, 6) are known alone: level, without a
+    command.
+
+    Args:
+        chi: (n, 6) labels [N, N·m].
+        zeta: (n, 6) velocity and body rates [m/s, rad/s].
+        step: time between samples [s].
+    """
+    x = np.zeros((len(chi), 13))
+    x[:, 3], x[:, 7:] = 1.0, zeta
+    return SampledFlight(step, x, np.zeros((len(chi), 4)), chi)
+
+
+def _means(values: np.ndarray, bins: np.ndarray, count: int) -> np.ndarray:
+    """Return the mean of the finite rows of each bin, (count, c); NaN where it has none."""
+    good = np.isfinite(values).all(axis=1) & (bins < count)
+    size = np.bincount(bins[good], minlength=count).astype(float)
+    size[size == 0] = np.nan
+    return np.stack(
+        [np.bincount(bins[good], column[good], count) / size for column in values.T], axis=1
+    )
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """Return rows (n, c) with those of NaN replaced by the last finite one, or the first at the
+    beginning.
+    """
+    good = np.isfinite(values).all(axis=1)
+    source = np.maximum.accumulate(np.where(good, np.arange(len(values)), 0))
+    source[source == 0] = int(np.argmax(good)) if not good[0] else 0
+    return values[source]
+
+
+STILL = 0.05  # standard deviation below which no axis moves [m/s, rad/s]; own choice
+AVERAGED = 0.2  # over which motion is averaged before, so that noise is none [s]; own choice
+SHORTEST = 2  # samples; shorter pieces between NaN rows are left out
+
+
+@dc.dataclass(frozen=True)
+class Flight:
+    """A flight as opened, and the vehicle that its labels are made with."""
+
+    data: FlightLog | WrenchSequence
+    vehicle: Vehicle
+
+    @property
+    def frame(self) -> str:
+        """Axes of force and velocity: world, or body (NeuroBEM arrays)."""
+        return self.data.frame if isinstance(self.data, WrenchSequence) else "world"
+
+    def segments(self, step: float, label: LabelConfig | None = None) -> list[Segment]:
+        """Return the training input, a sample every `step` [s] (an array keeps its own step).
+
+        Args:
+            step: time between samples [s].
+        """
+        return training_segments(self.data, self.vehicle, label, step=step)
+
+
+def require_torque(log: FlightLog) -> FlightLog:
+    """Return the log, where it tells the rotors' torque, which a label needs, and the state that a
+    predictor takes.
+
+    Raises: ValueError: where it does not.
+    """
+    if lacking := [quantity for quantity in ("attitude", "velocity") if quantity in log.lacks]:
+        raise ValueError(
+            f"{log.name}: must tell attitude and velocity to train on; its {' and '.join(lacking)} "
+            f"{'are' if len(lacking) > 1 else 'is'} integrated. Log them as well."
+        )
+    require(
+        not len(log) or np.isfinite(log.u[:, 1:]).any(),
+        f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, "
+        f"or throttle1 … throttle4 "
+        f"with a vehicle file) to train on; its input is {log.input}.",
+    )
+    return log
+
+
+def require_motion(flights: Sequence[Flight]) -> None:
+    """Check that the vehicle moves in one of the flights: from a rest only noise could be learnt.
+
+    Raises: ValueError: where it moves in none.
+    """
+    spreads = np.array([_spread_of_motion(flight.data) for flight in flights])
+    if len(spreads) and np.all(spreads < STILL):
+        v, w = spreads[:, :3].max(), spreads[:, 3:].max()
+        raise ValueError(
+            f"train: the vehicle must move in the logs; velocity varies by {v:.2g} m/s, "
+            f"body rates by {w:.2g} rad/s. "
+            "Fly with more motion, or give --force."
+        )
+
+
+def _spread_of_motion(data: FlightLog | WrenchSequence) -> np.ndarray:
+    """Return the standard deviation of velocity and body rates, short averages of them, (6,) [m/s,
+    rad/s].
+    """
+    zeta = (
+        data.zeta if isinstance(data, WrenchSequence) else np.concatenate([data.v, data.w], axis=1)
+    )
+    zeta = zeta[np.isfinite(zeta).all(axis=1)]
+    rows = max(1, round(AVERAGED / data.step))
+    blocks = len(zeta) // rows
+    if blocks < 2:
+        return np.std(zeta, axis=0) if len(zeta) else np.zeros(6)
+    return np.std(zeta[: blocks * rows].reshape(blocks, rows, 6).mean(axis=1), axis=0)
+
+
+def training_segments(
+    flight: FlightLog | WrenchSequence,
+    vehicle: Vehicle,
+    config: LabelConfig | None = None,
+    *,
+    step: float = 0.02,
+) -> list[Segment]:
+    """Return the uninterrupted pieces of one flight, a sample every `step` [s] (an array keeps its
+    own step).
+
+    chi: causal labels, as seen in flight; target: zero-phase labels. An array's wrench is both.
+
+    Args:
+        step: time between samples [s].
+    Raises: ValueError: if the step does not fit the log.
+    """
+    if isinstance(flight, WrenchSequence):
+        return _pieces(flight.chi, flight.zeta, flight.chi, flight.step)
+    log = _usable(flight)
+    causal = wrench_sequence(log, vehicle, config, step=step)
+    smooth = wrench_sequence(log, vehicle, config, step=step, zero_phase=True)
+    late = round((config or default_labels(vehicle)).force_delay / step)
+    return [
+        dc.replace(piece, late=late) for piece in _pieces(causal.chi, causal.zeta, smooth.chi, step)
+    ]
+
+
+def flown_segments(
+    log: FlightLog, vehicle: Vehicle, model: object, *, step: float
+) -> list[tuple[Segment, SampledFlight]]:
+    """Return the segments of a log, each beside the same samples as `model` sees them: state,
+    command, own labels.
+
+    Args:
+        step: time between samples [s].
+    Raises: ValueError: if the step does not fit the log.
+    """
+    log = _usable(log)
+    label = model.label if isinstance(model, ReadsLabels) else None
+    late = getattr(model, "delay", 0.0)  # of commands, as its training has shown [s]
+    seen = picked_flight(delayed(log, late), labelled(vehicle, model), step=step, label=label)
+    causal = wrench_sequence(log, vehicle, step=step)
+    smooth = wrench_sequence(log, vehicle, step=step, zero_phase=True)
+    pieces = _pieces(causal.chi, causal.zeta, smooth.chi, step)
+    runs = finite_runs(causal.chi, causal.zeta, smooth.chi)
+    return [(piece, seen.rows(*run)) for piece, run in zip(pieces, runs, strict=True)]
+
+
+def _usable(log: FlightLog) -> FlightLog:
+    """Return the log with accelerations, and without commands in bridged gaps."""
+    log = with_accelerations(log)
+    if log.bridged is not None:
+        log = dc.replace(log, u=np.where(log.bridged[:, None], np.nan, log.u))
+    return log
+
+
+def _pieces(chi: np.ndarray, zeta: np.ndarray, target: np.ndarray, step: float) -> list[Segment]:
+    """Return segments between the rows that hold a NaN."""
+    return [
+        Segment(chi[start:stop], zeta[start:stop], step, target[start:stop])
+        for start, stop in finite_runs(chi, zeta, target)
+    ]
+
+
+def finite_runs(*arrays: np.ndarray) -> list[tuple[int, int]]:
+    """Return first row and the row behind the last of every run without NaN, of `SHORTEST` and
+    more.
+    """
+    good = np.all(np.isfinite(np.hstack(arrays)), axis=1)
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int))).tolist()
+    runs = zip(edge[::2], edge[1::2], strict=True)
+    return [(start, stop) for start, stop in runs if stop - start >= SHORTEST]

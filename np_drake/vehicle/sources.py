@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.files.number_text import NBSP
 from np_drake.files.yaml_file import LARGEST
 
@@ -77,15 +78,10 @@ def checked_intervals(vehicle: Any) -> Intervals:
     known = values(vehicle)
     for field, source in vehicle.sources.items():
         _known("sources", field, known)
-        if (
-            not source.strip()
-            or len(source) > LONGEST
-            or not source.replace(NBSP, " ").isprintable()
-        ):
-            raise ValueError(
-                f"sources: {field} must be one line of at most {LONGEST} characters; got "
-                f"{source!r}."
-            )
+        require(
+            source.strip() and len(source) <= LONGEST and source.replace(NBSP, " ").isprintable(),
+            f"sources: {field} must be one line of at most {LONGEST} characters; got {source!r}.",
+        )
     pairs = {}
     for field, given in vehicle.intervals.items():
         pairs[field] = _pairs(field, given, _known("intervals", field, known))
@@ -100,20 +96,20 @@ def without(statements: Mapping[str, Any], *fields: str) -> dict[str, Any]:
 
 
 def _pairs(field: str, given: Any, value: Any) -> list[list[float]]:
-    if isinstance(value, (str, type(None))):
-        raise ValueError(
-            f"intervals: {field} must be a number, or numbers, to have one; it is {value!r}."
-        )
+    require(
+        not isinstance(value, (str, type(None))),
+        f"intervals: {field} must be a number, or numbers, to have one; it is {value!r}.",
+    )
     pairs = [given] if np.ndim(given[0] if len(given) else given) == 0 else given
     size = np.size(value)
     if any(np.shape(pair) != (2,) for pair in pairs) or len(pairs) != size:
         wanted = "a pair [low, high]" if size == 1 else f"{size} pairs [low, high], row by row"
         raise ValueError(f"intervals: {field} must have {wanted}; got {given}.")
     pairs = [[float(low), float(high)] for low, high in pairs]
-    if not np.all(np.abs(pairs) <= LARGEST) or any(low > high for low, high in pairs):
-        raise ValueError(
-            f"intervals: {field} must have a low end that is not above the high one; got {given}."
-        )
+    require(
+        np.all(np.abs(pairs) <= LARGEST) and all(low <= high for low, high in pairs),
+        f"intervals: {field} must have a low end that is not above the high one; got {given}.",
+    )
     return pairs
 
 

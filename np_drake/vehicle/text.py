@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from np_drake.files.atomic_file import write_text
+from np_drake.files.file_access import write_text
 from np_drake.files.number_text import with_unit
 from np_drake.files.yaml_file import quoted, read_yaml
 from np_drake.vehicle.sources import parts_of, value_of, values

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.files.yaml_file import POSITIVE, check_fields, load_checked, number, read_yaml, word
 from np_drake.vehicle.sources import (
     SURE,
@@ -86,10 +87,10 @@ class ThrottleMap:
     def check(self) -> "ThrottleMap":
         """Return self after checking the map; ValueError where a value is impossible."""
         check_fields(self, "throttle")
-        if self.voltage is None and self.voltage_exponent != 0:
-            raise ValueError(
-                "throttle: voltage must be named where voltage_exponent is [V]; got none."
-            )
+        require(
+            self.voltage is not None or self.voltage_exponent == 0,
+            "throttle: voltage must be named where voltage_exponent is [V]; got none.",
+        )
         return self
 
     def thrust(
@@ -155,11 +156,11 @@ class Calibration:
         """Return self after checking all values; ValueError where one is impossible."""
         check_fields(self, "calibration")
         mean = float(np.mean(self.rotor_gains))
-        if abs(mean - 1) > UNEQUAL:
-            raise ValueError(
-                f"calibration: rotor_gains must have the mean 1, for thrust_coefficient holds "
-                f"the rest; got {mean:g}."
-            )
+        require(
+            abs(mean - 1) <= UNEQUAL,
+            f"calibration: rotor_gains must have the mean 1, for thrust_coefficient holds "
+            f"the rest; got {mean:g}.",
+        )
         return self
 
 
@@ -497,5 +498,4 @@ def left_out(name: str | Path) -> list[str]:
 
 
 def _require(condition: bool, message: str) -> None:
-    if not condition:
-        raise ValueError(f"Vehicle: {message}{'' if message.endswith('?') else '.'}")
+    require(condition, f"Vehicle: {message}{'' if message.endswith('?') else '.'}")

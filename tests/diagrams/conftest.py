@@ -10,7 +10,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from diagrams.batch import campaign
+from diagrams.batch import run as campaign
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
 

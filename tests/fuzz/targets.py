@@ -14,8 +14,8 @@ import numpy as np
 from pydrake.common.yaml import yaml_dump
 
 from diagrams.loop.experiments import load_experiment
-from np_drake.files.input_file import kept_json, read_json
-from np_drake.lifting.model.model_file import load_model
+from np_drake.files.file_access import kept_json, read_json
+from np_drake.lifting.model.lifted_model import load_model
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.neurobem import FIRST_COLUMNS, read_wrenches
 from np_drake.logs.importing.log_map import load_map_file

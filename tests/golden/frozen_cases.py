@@ -27,7 +27,7 @@ from diagrams.challenge.solve import diagnose_folder
 from diagrams.gap.real_flights import agile_flights
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
-from np_drake.files.atomic_file import write_text
+from np_drake.files.file_access import write_text
 from np_drake.logs.formats.neurobem import published_vehicle
 
 SEED, SECONDS = 36, 10.0

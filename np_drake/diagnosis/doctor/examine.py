@@ -47,11 +47,10 @@ from np_drake.diagnosis.residuals import (
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.selection.map_model import noise_of
 from np_drake.diagnosis.selection.payload_search import payload_about, payload_of
-from np_drake.effects.base import Parameter, correlation_root
+from np_drake.effects.base import Parameter, correlation_root, usual_size
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, effect_of, effects_for
-from np_drake.effects.parameter import usual_size
-from np_drake.files.atomic_file import plain
+from np_drake.files.file_access import plain
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.parts import FITS

@@ -16,7 +16,7 @@ from np_drake import attitude
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
-from np_drake.effects.parameter import arm
+from np_drake.effects.base import arm
 from np_drake.rigid_body import P, V
 
 PREFIX = "unknown:"

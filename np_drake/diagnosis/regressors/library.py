@@ -17,9 +17,8 @@ from np_drake.diagnosis.numerics import fit_noise
 from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
 from np_drake.diagnosis.residuals import QUIET, FlightResiduals
 from np_drake.effects import ClockOffset, ConstantWind, LinearDrag, SuspendedPayload
-from np_drake.effects.base import Effect, prior_root
+from np_drake.effects.base import Effect, prior_root, usual_size
 from np_drake.effects.library import LIBRARY, REQUIREMENTS, effect_of, effects_for, unobservable
-from np_drake.effects.parameter import usual_size
 
 DRAG = LinearDrag.identifier  # the effect through which winds act
 WIND = ConstantWind.identifier

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.result import Diagnosis, Regime, ReplayGap
-from np_drake.files.atomic_file import require_writable, write_json
 from np_drake.files.figure_file import PALETTE, new_figure
+from np_drake.files.file_access import require_writable, write_json
 from np_drake.files.page import Section, write_page
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"

@@ -18,9 +18,8 @@ from np_drake.diagnosis.result import (
     Remainder,
     gap_kinds,
 )
-from np_drake.effects.base import Effect
+from np_drake.effects.base import Effect, departure
 from np_drake.effects.library import effect_of
-from np_drake.effects.parameter import departure
 from np_drake.files.number_text import (
     NBSP,
     NOTHING,

@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.compiled import compiled
-from np_drake.lifting.model.encoders import DelayEncoder
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem
 
 
 @dc.dataclass(frozen=True)
@@ -58,16 +58,14 @@ class ModalAxis:
             "readout": (len(self.channels), 6),
         }
         wrong = [name for name, shape in wanted.items() if getattr(self, name).shape != shape]
-        if (
-            wrong
-            or self.channels.shape[2:] != (12,)
-            or self.encoder.shape[0] != K
-            or self.encoder.shape[1] % c
-        ):
-            raise ValueError(
-                f"ModalAxis: the arrays must agree on modes, channels and theta; "
-                f"{wrong or 'encoder'} do not."
-            )
+        require(
+            not wrong
+            and self.channels.shape[2:] == (12,)
+            and self.encoder.shape[0] == K
+            and not self.encoder.shape[1] % c,
+            f"ModalAxis: the arrays must agree on modes, channels and theta; "
+            f"{wrong or 'encoder'} do not.",
+        )
 
     @property
     def K(self) -> int:
@@ -265,18 +263,19 @@ class AdaptiveFamily:
 
     def __post_init__(self):
         r = len(self.mean)
-        if self.covariance.shape != (r, r) or any(
-            axis.encoder.shape[-1] != 1 + r for axis in self.axes
-        ):
-            raise ValueError(
-                f"AdaptiveFamily: covariance and axes must have the {r} entries of theta."
-            )
-        if self.noise.shape != (len(self.axes), len(self.lags)) or not np.all(self.noise > 0):
-            raise ValueError("AdaptiveFamily: noise must be positive, one an axis and lag.")
-        if len({axis.delay for axis in self.axes}) != 1 or not self.memory > 0:
-            raise ValueError(
-                "AdaptiveFamily: the axes must have one window, and memory must be positive [s]."
-            )
+        require(
+            self.covariance.shape == (r, r)
+            and all(axis.encoder.shape[-1] == 1 + r for axis in self.axes),
+            f"AdaptiveFamily: covariance and axes must have the {r} entries of theta.",
+        )
+        require(
+            self.noise.shape == (len(self.axes), len(self.lags)) and np.all(self.noise > 0),
+            "AdaptiveFamily: noise must be positive, one an axis and lag.",
+        )
+        require(
+            len({axis.delay for axis in self.axes}) == 1 and self.memory > 0,
+            "AdaptiveFamily: the axes must have one window, and memory must be positive [s].",
+        )
 
     @property
     def K(self) -> int:

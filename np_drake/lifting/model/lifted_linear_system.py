@@ -1,11 +1,30 @@
-"""The lifted linear system z+ = A z + B zeta, chi = C z, and the projection of a matrix onto a
-spectral radius, in real arithmetic, fast enough for every sample of a flight.
+"""The lifted linear system z+ = A z + B zeta, chi = C z, its projection onto a spectral radius, its
+encoders, and trust in a linear one's forecast; in numpy, fast enough for every sample of a flight.
+
+Trust in a forecast, learned in flight from earlier forecasts whose outcome is known.
+
+A flight unlike those of the training can make a long forecast worse than holding the wrench. For
+every horizon h and each of four groups of channels (f_xy, f_z, tau_xy, tau_z) two numbers in [0, 1]
+are therefore kept up to date:
+
+    force:   chi_hat = chi + a (forecast - chi) + b (mean so far - chi)
+    torque:  chi_hat = a forecast + b chi
+
+by least squares over all origins up to k - h, ridge toward a = prior, b = 0. The result is one
+value of chi_hat for each horizon; its amplitudes on the modes are the new z. The system z+ = A z +
+B zeta, chi = C z stays as it is.
+Source: own choice; scalar recalibration of forecasts as in weather prediction ("model output
+    statistics").
 """
 
 import dataclasses as dc
+import itertools
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import blas, lapack
+
+from np_drake.checks import require
 
 # The limit lies this far inside, because two builds of LAPACK differ in the last bits. The pull's
 # rounding moves an eigenvalue by at most K eps cond(V)^2 (Bauer-Fike), which is less while the
@@ -60,7 +79,9 @@ def _stabilized(A: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
     if largest <= limit:
         return A, largest
     pulled, condition = _pulled(A, V, size, limit)
-    if condition < _CERTAIN or (condition < _ILL and _radius(pulled) <= radius):
+    if condition < _CERTAIN:
+        return pulled, largest
+    if condition < _ILL and np.abs(np.linalg.eigvals(pulled)).max() <= radius:
         return pulled, largest
     return A * (limit / largest), largest
 
@@ -87,11 +108,6 @@ def _pulled(
     outside = np.flatnonzero(size > limit)
     less = limit / size[outside] - 1.0
     return A + (A @ (V[:, outside] * less)) @ inverse[outside], condition
-
-
-def _radius(A: np.ndarray) -> float:
-    """Return the spectral radius [1]."""
-    return float(np.abs(np.linalg.eigvals(A)).max())
 
 
 @dc.dataclass(frozen=True)
@@ -159,3 +175,293 @@ def advance(z: np.ndarray, A: np.ndarray, B: np.ndarray, zeta: np.ndarray) -> np
     for i in range(zeta.shape[-2]):
         z = (A @ z[..., None] + B @ zeta[..., i, :, None])[..., 0]
     return z
+
+
+@dc.dataclass(frozen=True)
+class Phi:
+    """Multilayer perceptron without bias, z = W^(L+1) relu(W^L … relu(W^1 chi / scale)).
+
+    Source: Jin et al. 2025, eq. (dnn).
+    """
+
+    weights: tuple[np.ndarray, ...]  # (out, in) matrices
+    scale: np.ndarray  # (6,) of chi [N, N·m]; gamma bounds the Lipschitz constant in chi / scale
+
+    def __post_init__(self):
+        width = 6
+        for W in self.weights:
+            require(
+                W.ndim == 2 and W.shape[1] == width,
+                f"each layer of Phi must take the {width} outputs before it; got {W.shape}.",
+            )
+            width = len(W)
+        require(self.weights, "lacks the layers of Phi.")
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Return the arrays that a model file holds, by name."""
+        return {f"W{i}": W for i, W in enumerate(self.weights)}
+
+    @classmethod
+    def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "Phi":
+        """Return the encoder in the tensors of a model file; ValueError where they hold none."""
+        layers = range(sum(name.startswith("W") for name in tensors))
+        return cls(tuple(tensors[f"W{i}"] for i in layers), tensors["chi_scale"])
+
+    @property
+    def K(self) -> int:
+        """Number of lifted states."""
+        return len(self.weights[-1])
+
+    @property
+    def lipschitz_bound(self) -> float:
+        """Product of the layers' largest singular values, per unit of chi / scale [1]."""
+        return float(np.prod([np.linalg.norm(W, 2) for W in self.weights]))
+
+    def __call__(self, chi: np.ndarray) -> np.ndarray:
+        """Return z (..., K) of chi (..., 6) [N, N·m]."""
+        z = chi / self.scale
+        for W in self.weights[:-1]:
+            z = np.maximum(z @ W.T, 0.0)
+        return z @ self.weights[-1].T
+
+
+@dc.dataclass(frozen=True)
+class DelayEncoder:
+    """Linear encoder z = E w + offset of the last D samples w of [chi, zeta], oldest first."""
+
+    E: np.ndarray  # (K, 12 D) per [N, N·m, m/s, rad/s]
+    delay: int  # D, samples of the window [1]
+    offset: np.ndarray | None = None  # (K,), None for zero
+
+    def __post_init__(self):
+        if self.offset is not None and self.offset.shape != (len(self.E),):
+            raise ValueError(
+                f"DelayEncoder: offset must be ({len(self.E)},); got {self.offset.shape}."
+            )
+        require(
+            self.E.ndim == 2 and self.E.shape[1] == 12 * self.delay,
+            f"DelayEncoder: E must be (K, {12 * self.delay}); got {self.E.shape}.",
+        )
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Return the arrays that a model file holds, by name."""
+        return {"E": self.E} if self.offset is None else {"E": self.E, "offset": self.offset}
+
+    @classmethod
+    def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "DelayEncoder":
+        """Return the encoder in the tensors of a model file; ValueError where they hold none."""
+        E = tensors["E"]
+        return cls(E, E.shape[1] // 12, tensors.get("offset"))
+
+    @property
+    def K(self) -> int:
+        """Number of lifted states."""
+        return len(self.E)
+
+    def __call__(self, window: np.ndarray) -> np.ndarray:
+        """Return z (..., K) of a window (..., D, 12) [N, N·m, m/s, rad/s]."""
+        z = window.reshape(window.shape[:-2] + (-1,)) @ self.E.T
+        return z if self.offset is None else z + self.offset
+
+    def along(self, samples: np.ndarray) -> np.ndarray:
+        """Return z (n - D + 1, K) of every full window of samples (n, 12)."""
+        count = len(samples) - self.delay + 1
+        z = np.zeros((count, self.K)) if self.offset is None else np.tile(self.offset, (count, 1))
+        for d, E in enumerate(self.E.reshape(self.K, self.delay, 12).transpose(1, 2, 0)):
+            z += samples[d : d + count] @ E
+        return z
+
+
+@dc.dataclass(frozen=True)
+class DelayTaps:
+    """Selection of the newest samples one by one and of older ones as box averages.
+
+    Averages lose little of what lies far back and reduce its noise.
+    """
+
+    delay: int  # samples of the window [1]
+    dense: int  # of them one by one, the newest [1]
+    averages: int  # box averages over the others [1]
+
+    def __post_init__(self):
+        require(
+            1 <= self.dense <= self.delay and 0 <= self.averages <= self.delay - self.dense,
+            "DelayTaps: must have 1 <= dense <= delay and 0 <= averages <= delay - dense; "
+            f"got {self.dense}, {self.averages}, {self.delay}.",
+        )
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """Weights of the samples, (taps, delay), oldest sample first; row 0 is the newest sample
+        [1].
+        """
+        rows = [np.eye(1, self.delay, self.delay - 1 - d)[0] for d in range(self.dense)]
+        edges = _edges(self.dense, self.delay, self.averages) if self.averages else np.zeros(0, int)
+        for near, far in itertools.pairwise(edges):
+            row = np.zeros(self.delay)
+            row[self.delay - far : self.delay - near] = 1.0 / (far - near)
+            rows.append(row)
+        return np.array(rows)
+
+    def features(self, samples: np.ndarray, origins: np.ndarray) -> np.ndarray:
+        """Return the features of samples (n, c) at every origin, (o, taps * c).
+
+        Args:
+            samples: (n, c), oldest first.
+            origins: (o,) sample indices, each at least delay - 1.
+        """
+        windows = sliding_window_view(samples, self.delay, axis=0)[
+            origins - self.delay + 1
+        ]  # (o, c, delay)
+        return (windows @ self.matrix.T).transpose(0, 2, 1).reshape(len(origins), -1)
+
+    def expand(self, W: np.ndarray, channels: int) -> np.ndarray:
+        """Convert weights of features to weights of the window, oldest sample first, (K, delay *
+        c).
+
+        Args:
+            W: (K, taps * c).
+        """
+        return np.einsum("ktc,td->kdc", W.reshape(len(W), -1, channels), self.matrix).reshape(
+            len(W), -1
+        )
+
+
+def _edges(near: int, far: int, count: int) -> np.ndarray:
+    """Return whole numbers from near to far with growing steps of at least one, (count + 1,)."""
+    edges = np.round(np.geomspace(near, far, count + 1)).astype(int)
+    for i in range(1, count):
+        edges[i] = max(edges[i], edges[i - 1] + 1)
+    for i in range(count - 1, 0, -1):
+        edges[i] = min(edges[i], edges[i + 1] - 1)
+    return edges
+
+
+GROUPS = ((0, 1), (2,), (3, 4), (5,))  # channels of f_xy, f_z, tau_xy, tau_z
+MEMBER = np.array([[float(c in group) for c in range(6)] for group in GROUPS])  # (4, 6)
+OF_CHANNEL = np.argmax(MEMBER, axis=0)  # (6,) group of each channel
+IS_FORCE = np.arange(6) < 3
+
+Memory = dict[str, np.ndarray]
+
+
+@dc.dataclass(frozen=True)
+class Trust:
+    """Constants of the correction of forecasts in flight."""
+
+    horizons: np.ndarray  # (H,) whole numbers from 1 on [steps]
+    readout: np.ndarray  # (H, 6, K) forecast of each horizon from z, zeta held
+    projector: np.ndarray  # (K, H, 6) amplitudes of a predicted trajectory
+    mean: np.ndarray  # (6,) of chi in training [N, N·m]
+    half: float = (
+        400.0  # horizon at which half of a departure is believed before any evidence [steps]
+    )
+    evidence: float = 100.0  # samples that weigh as much as the prior, beside h itself [1]
+    caution: float = 3000.0  # the same for b [1]
+    settle: float = 800.0  # the same for the mean so far [1]
+
+    def initial_memory(self) -> Memory:
+        """Return the memory at the start of a flight.
+
+        Returns: trust/ring: (longest, K + 12) past [z, chi, mean], newest last.
+        trust/sums: (5, H, 4) over verified forecasts. trust/power: (2, H, 4) of all so far.
+        trust/lifted: number of forecasts so far.
+        trust/total: (6,) sum of chi.
+        trust/seen: samples in it.
+        """
+        H, K = len(self.horizons), self.readout.shape[2]
+        return {
+            "trust/ring": np.zeros((int(self.horizons[-1]), K + 12)),
+            "trust/sums": np.zeros((5, H, 4)),
+            "trust/power": np.zeros((2, H, 4)),
+            "trust/lifted": np.zeros(1),
+            "trust/total": np.zeros(6),
+            "trust/seen": np.zeros(1),
+        }
+
+    def update(
+        self, memory: Memory, z: np.ndarray | None, chi: np.ndarray, *, labelled: bool
+    ) -> Memory:
+        """Return what changes with one more sample: the sums, and where something was lifted the
+        corrected z (K,).
+
+        Args:
+            z: (K,) of now; None: nothing was lifted.
+            chi: (6,) of now [N, N·m], a label where `labelled`.
+        """
+        found = self._verified(memory, chi) if labelled else {}
+        if z is None:
+            return found
+        memory = {**memory, **found}
+        seen = memory["trust/seen"][0] + self.settle
+        mean = (memory["trust/total"] + self.settle * self.mean) / seen
+        forecast = self.readout @ z
+        base, p, q = _regressors(forecast, chi, mean)
+        power = memory["trust/power"] + _products(p, q, p)[[0, 2]]
+        lifted = memory["trust/lifted"] + 1.0
+        a, b = self._weights(memory["trust/sums"], power / lifted[0])
+        row = np.concatenate([z, chi, mean])
+        ring = np.concatenate([memory["trust/ring"][1:], row[None]])
+        wanted = base + a[:, OF_CHANNEL] * p + b[:, OF_CHANNEL] * q
+        corrected = z + np.einsum("khc,hc->k", self.projector, wanted - forecast)
+        kept = {"trust/power": power, "trust/lifted": lifted, "trust/ring": ring}
+        return {**found, **kept, "z": corrected}
+
+    def _verified(self, memory: Memory, chi: np.ndarray) -> Memory:
+        """Return totals after one more label (6,), with the forecasts that it verifies added to
+        the sums.
+        """
+        total, seen = memory["trust/total"] + chi, memory["trust/seen"] + 1.0
+        found = {"trust/total": total, "trust/seen": seen}
+        due = np.flatnonzero(self.horizons <= memory["trust/lifted"][0])
+        if len(due):
+            rows = memory["trust/ring"][-self.horizons[due]]
+            K = self.readout.shape[2]
+            z, then, mean = rows[:, :K], rows[:, K : K + 6], rows[:, K + 6 :]
+            forecast = np.einsum("hck,hk->hc", self.readout[due], z)
+            base, p, q = _regressors(forecast, then, mean)
+            sums = memory["trust/sums"].copy()
+            sums[:, due] += _products(p, q, chi - base)
+            found["trust/sums"] = sums
+        return found
+
+    def along(self, z: np.ndarray, chi: np.ndarray, first: int) -> np.ndarray:
+        """Return the corrected z (o, K) of a whole flight without gaps.
+
+        Args:
+            z: (o, K) from sample `first` on.
+            chi: (n, 6) all labels [N, N·m].
+        """
+        memory, corrected = self.initial_memory(), np.empty_like(z)
+        for k, label in enumerate(chi):
+            lifted = None if k < first else z[k - first]
+            memory |= self.update(memory, lifted, label, labelled=True)
+            if k >= first:
+                corrected[k - first] = memory.pop("z")
+        return corrected
+
+    def _weights(self, sums: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return a, b (H, 4) in [0, 1] of sums (5, H, 4) and mean power (2, H, 4)."""
+        h = self.horizons[:, None]
+        prior = 1.0 / (1.0 + h / self.half)  # a before any evidence
+        pull = (self.evidence + h) * power[0]
+        pp, pq, qq = sums[0] + pull + 1e-12, sums[1], sums[2] + self.caution * power[1] + 1e-12
+        pa, qa = sums[3] + pull * prior, sums[4]
+        # Normal equations [[pp, pq], [pq, qq]] [a b]' = [pa qa]' by Cramer's rule, b first and a
+        # for the b that is kept
+        b = np.clip((pp * qa - pq * pa) / np.maximum(pp * qq - pq**2, 1e-300), 0.0, 1.0)
+        return np.clip((pa - pq * b) / pp, 0.0, 1.0), b
+
+
+def _regressors(
+    forecast: np.ndarray, chi: np.ndarray, mean: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the base, and what a and b multiply, (..., 6) each."""
+    base = np.where(IS_FORCE, chi, 0.0)
+    return base, forecast - base, np.where(IS_FORCE, mean - chi, chi)
+
+
+def _products(p: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
+    """Return pp, pq, qq, p outcome, q outcome, summed over each group, (5, ..., 4)."""
+    q = np.broadcast_to(q, p.shape)
+    return np.stack([p * p, p * q, q * q, p * outcome, q * outcome]) @ MEMBER.T

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import expit
 
+from np_drake.checks import require
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily, family_fields
 
 # that an input counts for, own choice: beyond four deviations it is unlike the training's [1]
@@ -50,8 +51,10 @@ class WindowNetwork:
 
     def __post_init__(self):
         r, K = len(self.center), sum(views * states for views, states in self.states)
-        if any(views not in (1, 2) for views, _ in self.states):
-            raise ValueError("WindowNetwork: an axis must have one view (z) or two (x and y).")
+        require(
+            all(views in (1, 2) for views, _ in self.states),
+            "WindowNetwork: an axis must have one view (z) or two (x and y).",
+        )
         inputs = (
             sum(
                 views * len(white)
@@ -60,23 +63,22 @@ class WindowNetwork:
             + r
         )
         for W, b in zip(self.weights, self.biases, strict=True):
-            if W.ndim != 2 or W.shape[1] != inputs or b.shape != (len(W),):
-                raise ValueError(
-                    f"WindowNetwork: a layer must take the {inputs} outputs before it; got "
-                    f"{W.shape}."
-                )
-            inputs = len(W)
-        if (
-            inputs != K + r
-            or len(self.weights) < 2
-            or self.spread.shape != (r,)
-            or self.size.shape != (K,)
-        ):
-            raise ValueError(
-                f"WindowNetwork: outputs must be z and theta, {K} and {r} numbers; got {inputs}."
+            require(
+                W.ndim == 2 and W.shape[1] == inputs and b.shape == (len(W),),
+                f"WindowNetwork: a layer must take the {inputs} outputs before it; got {W.shape}.",
             )
-        if not 0 <= self.share <= 1 or not (np.all(self.spread > 0) and np.all(self.size > 0)):
-            raise ValueError("WindowNetwork: share must be 0 to 1, spread and size positive.")
+            inputs = len(W)
+        require(
+            inputs == K + r
+            and len(self.weights) >= 2
+            and self.spread.shape == (r,)
+            and self.size.shape == (K,),
+            f"WindowNetwork: outputs must be z and theta, {K} and {r} numbers; got {inputs}.",
+        )
+        require(
+            0 <= self.share <= 1 and np.all(self.spread > 0) and np.all(self.size > 0),
+            "WindowNetwork: share must be 0 to 1, spread and size positive.",
+        )
 
     @property
     def lipschitz_bound(self) -> float:
@@ -169,14 +171,14 @@ class NeuralFamily(AdaptiveFamily):
         super().__post_init__()
         states = tuple((len(axis.channels), axis.K) for axis in self.axes)
         windows = [axis.encoder.shape[1] for axis in self.axes]
-        if self.network.states != states or [w.shape[1] for w in self.network.white] != windows:
-            raise ValueError(
-                "NeuralFamily: the network must see the family's windows, and correct its z."
-            )
-        if len(self.network.center) != len(self.mean):
-            raise ValueError(
-                f"NeuralFamily: the network must have the {len(self.mean)} entries of theta."
-            )
+        require(
+            self.network.states == states and [w.shape[1] for w in self.network.white] == windows,
+            "NeuralFamily: the network must see the family's windows, and correct its z.",
+        )
+        require(
+            len(self.network.center) == len(self.mean),
+            f"NeuralFamily: the network must have the {len(self.mean)} entries of theta.",
+        )
 
     @property
     def plain(self) -> AdaptiveFamily:

@@ -5,8 +5,7 @@ projected stable.
 import numpy as np
 from scipy.linalg import lapack
 
-from np_drake.lifting.model.encoders import Phi
-from np_drake.lifting.model.lifted_linear_system import stabilized, stabilized_all
+from np_drake.lifting.model.lifted_linear_system import Phi, stabilized, stabilized_all
 from np_drake.lifting.model.lifted_model import LiftedModel
 
 RADIUS = 0.9999  # largest |eigenvalue| of a refit A [1]

@@ -132,22 +132,16 @@ class Excitation:
         return line + "."
 
 
-def measure_excitation(
-    zeta: list[np.ndarray],
-    noise: tuple[float, ...] | np.ndarray | None = None,
-    *,
-    step: float = 1.0,
-) -> Excitation:
+def measure_excitation(zeta: list[np.ndarray], *, step: float = 1.0) -> Excitation:
     """Return the excitation of segments zeta (n, 6).
 
     Args:
         zeta: (n, 6) of each segment [m/s, rad/s].
-        noise: (6,) standard deviation of its white noise [m/s, rad/s]; None: estimated from the
-            data.
         step: time between samples [s].
     """
-    white = white_noise(zeta) if noise is None else np.asarray(noise, float)
-    sigma = np.hypot(white / np.sqrt(AVERAGE), RELEVANT * group_scale(zeta, centred=True))
+    sigma = np.hypot(
+        white_noise(zeta) / np.sqrt(AVERAGE), RELEVANT * group_scale(zeta, centred=True)
+    )
     sigma = np.maximum(sigma, 1e-9)
     smooth = np.concatenate([uniform_filter1d(piece, AVERAGE, axis=0) for piece in zeta])
     smooth = (smooth - smooth.mean(axis=0)) / sigma

@@ -229,6 +229,15 @@ def single(values: np.ndarray) -> torch.Tensor:
     return torch.from_numpy(np.ascontiguousarray(values)).float()
 
 
+def descend_once(optimiser: torch.optim.Optimizer, loss: torch.Tensor) -> None:
+    """Take one step of gradient descent, no longer than 1 in all parameters together."""
+    optimiser.zero_grad()
+    loss.backward()
+    parameters = [value for group in optimiser.param_groups for value in group["params"]]
+    torch.nn.utils.clip_grad_norm_(parameters, 1.0)
+    optimiser.step()
+
+
 def descend(
     loss: Callable[[torch.Tensor], torch.Tensor],
     arrays: list[torch.Tensor],
@@ -254,11 +263,8 @@ def descend(
     generator, losses = torch.Generator().manual_seed(seed), []
     for number in range(steps):
         some = torch.randperm(len(theta), generator=generator)[:batch]
-        optimiser.zero_grad()
         value = loss(some)
-        value.backward()
-        torch.nn.utils.clip_grad_norm_([*arrays, theta], 1.0)
-        optimiser.step()
+        descend_once(optimiser, value)
         schedule.step()
         losses.append(value.item())
         on_step(number, losses[-1])

@@ -19,8 +19,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.lifting.model.encoders import DelayEncoder, DelayTaps, Trust
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_linear_system import (
+    DelayEncoder,
+    DelayTaps,
+    LiftedLinearSystem,
+    Trust,
+)
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import training_summary

@@ -26,7 +26,13 @@ from np_drake.lifting.model.neural_family import (
     with_network,
 )
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.family_training import LiftedConfig, readouts, single, train_lifted
+from np_drake.lifting.training.family_training import (
+    LiftedConfig,
+    descend_once,
+    readouts,
+    single,
+    train_lifted,
+)
 from np_drake.lifting.training.paper_training import normalised
 from np_drake.training_data.segments import Segment
 
@@ -390,11 +396,8 @@ def _descend(
     for number in range(config.updates):
         some = data.some(torch.randint(len(data), (config.group,), generator=generator))
         turn = int(torch.randint(8, (1,), generator=generator))
-        optimiser.zero_grad()
         loss = some.loss(*module(some, turn)) * (len(data) / config.group)
-        loss.backward()
-        nn.utils.clip_grad_norm_(module.parameters(), 1.0)
-        optimiser.step()
+        descend_once(optimiser, loss)
         schedule.step()
         on_epoch(number + 1, config.updates, loss.item())
         if number % every == 0 or number == config.updates - 1:

@@ -30,12 +30,12 @@ import numpy as np
 import torch
 from torch import nn
 
-from np_drake.lifting.model.encoders import Phi
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, stabilized_all
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Phi, stabilized_all
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.model.window_refit import RADIUS
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation, turns
+from np_drake.lifting.training.family_training import descend_once
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 
@@ -141,16 +141,17 @@ def regression(
     return torch.cat([before, zeta[:, :-1]], dim=-1), after
 
 
-def global_fit(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
+def global_fit(X: torch.Tensor, Y: torch.Tensor, ridge: float = NULL) -> torch.Tensor:
     """Return the least squares of Y (..., q) on X (..., d) over all rows, (d, q).
 
     Args:
         X: (..., d) regressors.
         Y: (..., q) targets.
+        ridge: in units of the mean power [1].
     """
     X, Y = X.reshape(-1, X.shape[-1]), Y.reshape(-1, Y.shape[-1])
     normal = X.T @ X
-    normal += (NULL * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=X.dtype)
+    normal += (ridge * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=X.dtype)
     return torch.linalg.solve(normal, X.T @ Y)
 
 
@@ -306,8 +307,7 @@ class PaperTrainer:
         self.C = nn.Parameter(torch.zeros(6, config.size, dtype=torch.float64))
         with torch.no_grad():
             self.C.copy_(self._best_readout(self.phi(self._chi)))
-        self.parameters = [*self.phi.raw, self.C]
-        self.optimiser = torch.optim.Adam(self.parameters, lr=config.learning_rate)
+        self.optimiser = torch.optim.Adam([*self.phi.raw, self.C], lr=config.learning_rate)
         self.epoch, self.history = 0, list[float]()
 
     def run_epoch(self) -> float:
@@ -324,10 +324,7 @@ class PaperTrainer:
         for start in range(0, len(order), self.config.batch):
             batch = torch.from_numpy(order[start : start + self.config.batch])
             loss = self.loss(self._chi[batch], self._zeta[batch])
-            self.optimiser.zero_grad()
-            loss.backward()
-            nn.utils.clip_grad_norm_(self.parameters, 1.0)
-            self.optimiser.step()
+            descend_once(self.optimiser, loss)
             losses.append(loss.item())
         self.epoch += 1
         self.history.append(float(np.mean(losses)))
@@ -406,10 +403,7 @@ class PaperTrainer:
         """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean
         power, (6, K).
         """
-        Z, chi = (z.reshape(-1, z.shape[-1]), (self._chi / self._scale).reshape(-1, 6))
-        normal = Z.T @ Z
-        normal += (1e-6 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=Z.dtype)
-        return torch.linalg.solve(normal, Z.T @ chi).T
+        return global_fit(z, self._chi / self._scale, 1e-6).T
 
     def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
         """Return the discounted mean square of the multi-step error in z, with each window's own A

@@ -4,6 +4,7 @@ import dataclasses as dc
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
+from np_drake.checks import require
 from np_drake.lifting.model.lifted_model import (
     BY_AXES,
     FAMILIES,
@@ -65,8 +66,7 @@ def suited(configuration: str, frame: str) -> str:
         frame: axes of the wrenches, world | body.
     Raises: ValueError: on an unknown frame.
     """
-    if frame not in BY_AXES:
-        raise ValueError(f"train: frame must be {' | '.join(BY_AXES)}; got {frame}.")
+    require(frame in BY_AXES, f"train: frame must be {' | '.join(BY_AXES)}; got {frame}.")
     return configuration or BY_AXES[frame]
 
 
@@ -83,12 +83,11 @@ def make_config(
     Raises: ValueError: on an unknown name, frame or setting.
     """
     configuration = suited(configuration, frame)
-    if (configuration in FAMILIES and frame != "world") or (
-        configuration == MODE_DICTIONARY and frame != "body"
-    ):
-        raise ValueError(
-            f"train: wrenches in {frame} axes need {BY_AXES[frame]}; got {configuration}."
-        )
+    require(
+        (configuration not in FAMILIES or frame == "world")
+        and (configuration != MODE_DICTIONARY or frame == "body"),
+        f"train: wrenches in {frame} axes need {BY_AXES[frame]}; got {configuration}.",
+    )
     names = {field.name for field in dc.fields(CONFIGURATIONS.get(configuration, DEFAULT_CONFIG))}
     if frame != "world" and "symmetric" in names:
         settings = {"symmetric": False} | settings
@@ -102,12 +101,13 @@ def configured(configurations: Mapping[str, C], name: str, settings: Mapping[str
 
     Raises: ValueError: on an unknown name or setting.
     """
-    if name not in configurations:
-        raise ValueError(f"train: configuration must be {' | '.join(configurations)}; got {name}.")
+    require(
+        name in configurations,
+        f"train: configuration must be {' | '.join(configurations)}; got {name}.",
+    )
     config: Any = configurations[name]
     unknown = set(settings) - {field.name for field in dc.fields(config)}
-    if unknown:
-        raise ValueError(f"train: {name} has no setting {', '.join(sorted(unknown))}.")
+    require(not unknown, f"train: {name} has no setting {', '.join(sorted(unknown))}.")
     return dc.replace(config, **settings)
 
 

@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
+from np_drake.checks import require
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox_frames import (
     BATTERY,
@@ -338,11 +339,11 @@ def _sessions(path: Path, content: bytes) -> tuple[list[_Session], list[str]]:
         known.
     """
     starts = [match.start() for match in re.finditer(re.escape(MARK), content)]
-    if not starts:
-        raise LogError(
-            f"{path}: must hold the header of a blackbox log ({MARK.decode()}); it has "
-            f"none. {REMEDY}."
-        )
+    require(
+        starts,
+        f"{path}: must hold the header of a blackbox log ({MARK.decode()}); it has none. {REMEDY}.",
+        LogError,
+    )
     found, bad = [], []
     for number, (start, stop) in enumerate(
         zip(starts, [*starts[1:], len(content)], strict=True), start=1
@@ -380,8 +381,7 @@ def _settings(content: bytes, start: int, stop: int) -> tuple[dict[str, str], in
 
 def _session(number: int, settings: Mapping[str, str], first: int, stop: int) -> _Session:
     version = settings.get("Data version", "")
-    if version != "2":
-        raise ValueError(f"Data version must be 2; got {version!r}")
+    require(version == "2", f"Data version must be 2; got {version!r}")
     told: dict[str, dict[str, list[str]]] = {kind: {} for kind in KINDS}
     for name, value in settings.items():
         match = FIELD.fullmatch(name)
@@ -389,11 +389,12 @@ def _session(number: int, settings: Mapping[str, str], first: int, stop: int) ->
             told[match[1]][match[2]] = value.split(",")
     told["P"] = {key: told["I"][key] for key in ("name", "signed") if key in told["I"]} | told["P"]
     names = {k: own["name"] for k, own in told.items() if {"predictor", "name"} <= own.keys()}
-    if not {"I", "P"} <= set(names):
-        raise ValueError("must tell name, predictor and encoding of the fields of I and P frames")
+    require(
+        {"I", "P"} <= set(names),
+        "must tell name, predictor and encoding of the fields of I and P frames",
+    )
     width = max(len(own) for own in names.values())
-    if width > MOST_FIELDS:
-        raise ValueError(f"a frame must have at most {MOST_FIELDS} fields; got {width}")
+    require(width <= MOST_FIELDS, f"a frame must have at most {MOST_FIELDS} fields; got {width}")
     tables = {
         key: np.zeros((len(KINDS), width), np.int64)
         for key in ("encoding", "predictor", "signed", "constant")
@@ -406,8 +407,9 @@ def _session(number: int, settings: Mapping[str, str], first: int, stop: int) ->
         for i, name in enumerate(own):
             tables["constant"][row, i] = _constant(tables["predictor"][row, i], name, settings)
     main = names["I"]
-    if "loopIteration" not in main or "time" not in main:
-        raise ValueError("Field I name must have loopIteration and time")
+    require(
+        "loopIteration" in main and "time" in main, "Field I name must have loopIteration and time"
+    )
     motor0 = main.index("motor[0]") if "motor[0]" in main else 0
     return _Session(
         number,
@@ -428,16 +430,16 @@ def _column(kind: str, key: str, texts: list[str], count: int) -> np.ndarray:
     Raises: ValueError: if they are not as many as the fields, or not known.
     """
     known = {"encoding": ENCODINGS, "predictor": tuple(range(PREDICTORS)), "signed": (0, 1)}[key]
-    if len(texts) != count:
-        raise ValueError(
-            f"Field {kind} {key} must have {count} numbers, one for each name; got {len(texts)}"
-        )
+    require(
+        len(texts) == count,
+        f"Field {kind} {key} must have {count} numbers, one for each name; got {len(texts)}",
+    )
     values = [int(text) if text.isascii() and text.isdecimal() else -1 for text in texts]
     for text, value in zip(texts, values, strict=True):
-        if value not in known:
-            raise ValueError(
-                f"Field {kind} {key} must be of {', '.join(map(str, known))}; got {text[:20]!r}"
-            )
+        require(
+            value in known,
+            f"Field {kind} {key} must be of {', '.join(map(str, known))}; got {text[:20]!r}",
+        )
     return np.array(values)
 
 
@@ -450,8 +452,10 @@ def _constant(predictor: int, name: str, settings: Mapping[str, str]) -> int:
         return 0
     text = settings.get(setting, "")
     values = _numbers(text)
-    if not values or not abs(values[0]) < 1 << 31:
-        raise ValueError(f"{setting} must be a number, which {name} begins from; got {text[:20]!r}")
+    require(
+        values and abs(values[0]) < 1 << 31,
+        f"{setting} must be a number, which {name} begins from; got {text[:20]!r}",
+    )
     return int(values[0])
 
 
@@ -460,10 +464,11 @@ def _intervals(settings: Mapping[str, str]) -> np.ndarray:
     interval = _numbers(settings.get("I interval", "1"))
     numerator, _, denominator = settings.get("P interval", "1").rpartition("/")
     values = [*interval[:1], *_numbers(numerator or "1")[:1], *_numbers(denominator)[:1]]
-    if len(values) != 3 or not all(
-        least <= v <= MOST_LOOPS for v, least in zip(values, (1, 1, 0), strict=True)
-    ):
-        raise ValueError("I interval and P interval must be numbers of loops")
+    require(
+        len(values) == 3
+        and all(least <= v <= MOST_LOOPS for v, least in zip(values, (1, 1, 0), strict=True)),
+        "I interval and P interval must be numbers of loops",
+    )
     return np.array(values).astype(np.int64)
 
 
@@ -510,10 +515,11 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             latest = max(latest, times.max(initial=-np.inf))
         which = f"log {own.number}: " if len(known) > 1 else ""
         notes += _odd(which, told, streams.get(BODY))
-    if not parts:
-        raise LogError(
-            f"{path}: must hold a whole I frame after its header; it has none. {REMEDY}."
-        )
+    require(
+        parts,
+        f"{path}: must hold a whole I frame after its header; it has none. {REMEDY}.",
+        LogError,
+    )
     streams = {name: _joined([part[name] for part in parts]) for name in wanted}
     return Recording(str(path), streams, _facts(session), tuple(notes), tuple(said), tuple(breaks))
 

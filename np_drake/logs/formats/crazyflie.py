@@ -29,7 +29,8 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import decompressed, decompressed_start
+from np_drake.checks import require
+from np_drake.files.file_access import decompressed, decompressed_start
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.importing.log_map import LogMap, Source
@@ -112,8 +113,11 @@ def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
             break
         starts[key].append(end)
         end = at
-    if end == start:
-        raise LogError(f"{path}: must hold at least one whole record after its header; {REMEDY}.")
+    require(
+        end != start,
+        f"{path}: must hold at least one whole record after its header; {REMEDY}.",
+        LogError,
+    )
     streams = {}
     for key, (name, variables, record) in events.items():
         if name in wanted:
@@ -155,16 +159,17 @@ def _floats(values: np.ndarray) -> np.ndarray:
 
 def _header(path: Path, content: bytes) -> tuple[int, dict[int, Event], int]:
     """Return version, event types by id, and where they end."""
-    if len(content) < 5 or content[0] != MAGIC:
-        raise LogError(
-            f"{path}: must begin with the header of a Crazyflie usd-log (byte 0xBC); {REMEDY}."
-        )
+    require(
+        len(content) >= 5 and content[0] == MAGIC,
+        f"{path}: must begin with the header of a Crazyflie usd-log (byte 0xBC); {REMEDY}.",
+        LogError,
+    )
     version, count = struct.unpack_from("<HH", content, 1)
-    if version not in TIMES:
-        raise LogError(
-            f"{path}: must be a usd-log of version 1 or 2; got {version}. Convert it, or "
-            f"import a CSV."
-        )
+    require(
+        version in TIMES,
+        f"{path}: must be a usd-log of version 1 or 2; got {version}. Convert it, or import a CSV.",
+        LogError,
+    )
     try:
         return version, *_events(content, count, TIMES[version][0])
     except (IndexError, UnicodeDecodeError, struct.error) as error:
@@ -187,16 +192,14 @@ def _events(start: bytes, count: int, time: str) -> tuple[dict[int, Event], int]
         for _ in range(variables):
             text, offset = _text(start, offset)
             fields.append(_variable(text))
-        if key in events:
-            raise ValueError(f"event type {key} stands twice")
+        require(key not in events, f"event type {key} stands twice")
         layout = [
             ("id", "<u2"),
             ("time", time),
             *((str(i), kind) for i, (_, kind) in enumerate(fields)),
         ]
         events[key] = name, tuple(_different([n for n, _ in fields])), np.dtype(layout)
-    if not events:
-        raise ValueError("must name an event type; got none")
+    require(events, "must name an event type; got none")
     names = _different([name for name, _, _ in events.values()])
     named = zip(events, names, events.values(), strict=True)
     return {key: (name, own, record) for key, name, (_, own, record) in named}, offset
@@ -245,8 +248,11 @@ def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
         pieces.append(content[at + 1 : end])
         at = end + 4
     rows = np.frombuffer(b"".join(pieces), record)
-    if not len(rows):
-        raise LogError(f"{path}: must hold at least one whole block after its header; {REMEDY}.")
+    require(
+        len(rows),
+        f"{path}: must hold at least one whole block after its header; {REMEDY}.",
+        LogError,
+    )
     # The counter of microseconds has 32 bits and begins anew after 71 minutes.
     ticks = rows[variables[0][0]].astype(np.uint32)
     steps = 1e-6 * np.diff(ticks, prepend=ticks[:1]).astype(float)

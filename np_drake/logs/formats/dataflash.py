@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import decompressed_start, uncompressed
+from np_drake.checks import require
+from np_drake.files.file_access import decompressed_start, uncompressed
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import (
     Contents,
@@ -73,12 +74,12 @@ def motors(contents: Contents) -> Motors:
     """
     parameters: Mapping[str, float] = getattr(contents, "parameters", {})
     frame = int(parameters.get("FRAME_CLASS", 0))
-    if frame and frame not in CLASSES:
-        raise ValueError(
-            f"FRAME_CLASS {frame} is {OTHERS.get(frame, 'none that is known')}; the rotors "
-            f"of a vehicle file push "
-            "alike. Name one column as throttle in a map to take its collective."
-        )
+    require(
+        not frame or frame in CLASSES,
+        f"FRAME_CLASS {frame} is {OTHERS.get(frame, 'none that is known')}; the rotors "
+        f"of a vehicle file push "
+        "alike. Name one column as throttle in a map to take its collective.",
+    )
     outputs = _outputs(parameters) or list(range(1, CLASSES.get(frame, 4) + 1))
     streams = ("RCOU", "RCO2", "RCO3")
     columns = [  # empty: the output is not logged
@@ -94,11 +95,11 @@ def motors(contents: Contents) -> Motors:
             "name columns as throttle in a map."
         )
     count = len(outputs)
-    if count not in (4, 6, 8):
-        raise ValueError(
-            f"{count} outputs drive motors (SERVOn_FUNCTION); 4, 6 or 8 can be read. Name "
-            f"them in a map."
-        )
+    require(
+        count in (4, 6, 8),
+        f"{count} outputs drive motors (SERVOn_FUNCTION); 4, 6 or 8 can be read. Name "
+        f"them in a map.",
+    )
     low, high = (parameters.get(f"MOT_PWM_{end}", 0.0) for end in ("MIN", "MAX"))
     throttle = (
         Source(columns, "us", ends=[low, high] if 0 < low < high else [])
@@ -232,8 +233,7 @@ class _Log:
             with uncompressed(path) as whole:
                 with whole.open("rb") as file:
                     data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-                if data[:2] != FMT[:2]:
-                    raise ValueError("it is no binary log, of which the text was made")
+                require(data[:2] == FMT[:2], "it is no binary log, of which the text was made")
                 reader = _index(library, whole, progress)
             for number, form in reader.formats.items():
                 message = _Message(form, reader.offsets[number], data, library.FORMAT_TO_STRUCT)
@@ -246,10 +246,11 @@ class _Log:
                 f"{path}: must be a whole ArduPilot log (.bin); {reason}; copy it again from the "
                 f"vehicle."
             ) from error
-        if not any(len(m.starts) and m.time for m in self.messages.values()):
-            raise LogError(
-                f"{path}: must hold ArduPilot messages with times; there are none. Copy it again."
-            )
+        require(
+            any(len(m.starts) and m.time for m in self.messages.values()),
+            f"{path}: must hold ArduPilot messages with times; there are none. Copy it again.",
+            LogError,
+        )
         self.lost = len(data) - sum(len(m.starts) * m.length for m in self.messages.values())
 
     def texts(self, name: str, *columns: str) -> Iterator[tuple[str, ...]]:

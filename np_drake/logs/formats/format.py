@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import require_plain_file
+from np_drake.files.file_access import require_plain_file
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.vehicle.rotor_layout import RotorLayout

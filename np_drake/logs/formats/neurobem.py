@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
-from np_drake.files.input_file import note_input
+from np_drake.checks import require
+from np_drake.files.file_access import note_input
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, Table, bridge_gaps, check_table, split_at_gaps
 from np_drake.logs.errors import LogError, place
@@ -149,10 +150,11 @@ def read_array(path: str | Path) -> np.ndarray:
     """
     with Path(path).open("rb") as file:
         start = file.read(2)
-    if start == b"PK":
-        raise LogError(
-            f"{path}: must be one array (.npy); it is an archive (.npz). Save the array by itself."
-        )
+    require(
+        start != b"PK",
+        f"{path}: must be one array (.npy); it is an archive (.npz). Save the array by itself.",
+        LogError,
+    )
     note_input(path)
     try:
         with warnings.catch_warnings():
@@ -162,10 +164,11 @@ def read_array(path: str | Path) -> np.ndarray:
         raise LogError(
             f"{path}: must be a plain NumPy array (.npy); cut off or pickled files are refused."
         ) from error
-    if data.ndim != 2 or data.shape[1] != 12 or data.dtype.kind not in "fiu":
-        raise LogError(
-            f"{path}: must hold numbers of shape (n, 12): v, omega, f, tau; got {data.shape}."
-        )
+    require(
+        data.ndim == 2 and data.shape[1] == 12 and data.dtype.kind in "fiu",
+        f"{path}: must hold numbers of shape (n, 12): v, omega, f, tau; got {data.shape}.",
+        LogError,
+    )
     data = data.astype(float)
     bad = np.argwhere(~np.isfinite(data))
     if bad.size:
@@ -258,8 +261,11 @@ def _from_csv(path: str | Path) -> np.ndarray:
     paper's arrays have it.
     """
     (log,), J = read(path), published_vehicle().J
-    if len(log) < 2 or np.abs(np.diff(log.t) - STEP).max() > 0.01 * STEP:
-        raise LogError(f"{path}: must have a row every {1e3 * STEP:g} ms, without gaps.")
+    require(
+        len(log) >= 2 and np.abs(np.diff(log.t) - STEP).max() <= 0.01 * STEP,
+        f"{path}: must have a row every {1e3 * STEP:g} ms, without gaps.",
+        LogError,
+    )
     assert log.a is not None  # in every such CSV
     force = MASS * (attitude.rotate_back(log.q, log.a + [0.0, 0.0, GRAVITY]) - SUBTRACTED)
     torque = log.al @ J + np.cross(log.w, log.w @ J)

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.atomic_file import atomic_path
-from np_drake.files.input_file import cell_budget, note_input, text_budget
+from np_drake.files.file_access import atomic_path, cell_budget, note_input, text_budget
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.text_table import require_names, too_large, too_many_cells

@@ -23,7 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import cell_budget, note_input, size_of
+from np_drake.checks import require
+from np_drake.files.file_access import cell_budget, note_input, size_of
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.formats.text_table import too_many_cells
@@ -127,8 +128,7 @@ def _unpacked(kind: str, data: bytes, size: int = 0) -> bytes:
             f"must hold chunks and messages that unpack to at most {MOST_UNPACKED / 1e6:g} MB. If "
             f"it is right, write it without compression."
         )
-    if not decompressor.eof:
-        raise ValueError("a chunk is cut off")
+    require(decompressor.eof, "a chunk is cut off")
     return content
 
 
@@ -153,8 +153,10 @@ def _readers(path: Path) -> dict[bytes, Any]:
 
         def read_index_data(self, pos: int, indexes: Any) -> None:
             super().read_index_data(pos, indexes)
-            if 12 * sum(map(len, indexes.values())) > size_of(path):
-                raise ValueError("its index names more messages than it holds")
+            require(
+                12 * sum(map(len, indexes.values())) <= size_of(path),
+                "its index names more messages than it holds",
+            )
 
     return {MCAP: storage_mcap.McapReader, ROS1: Reader1, SQLITE: storage_sqlite3.Sqlite3Reader}
 
@@ -169,8 +171,7 @@ def _open(path: Path) -> Iterator[_Bag]:
             if path.is_dir():
                 files = [file for file in path.iterdir() if file.suffix in FILES]
                 files.sort(key=lambda file: (len(file.name), file.name))  # bag_2 before bag_10
-            if not files:
-                raise ValueError("its files are missing")
+            require(files, "its files are missing")
             for file in files:
                 _add_file(bag, file, readers, stack)
             _find_topics(bag)
@@ -189,13 +190,17 @@ def _add_file(
     """Open a file of a bag; ValueError or what rosbags raises if it is none, or damaged."""
     note_input(path)
     ahead = path.with_name(f"{path.name}-wal")
-    if ahead.is_file() and ahead.stat().st_size:
-        raise LogError(
-            f"{path}: must hold what lies in {ahead.name}, which its recorder left as it was "
-            f"killed. Run `sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'`."
-        )
-    if path.suffix == ".zstd":
-        raise LogError(f"{path}: must be no compressed file. Unpack it with `unzstd`.")
+    require(
+        not ahead.is_file() or not ahead.stat().st_size,
+        f"{path}: must hold what lies in {ahead.name}, which its recorder left as it was "
+        f"killed. Run `sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'`.",
+        LogError,
+    )
+    require(
+        path.suffix != ".zstd",
+        f"{path}: must be no compressed file. Unpack it with `unzstd`.",
+        LogError,
+    )
     with path.open("rb") as file:
         start = file.read(16)
     bag.ros1 = start.startswith(ROS1)
@@ -221,11 +226,12 @@ def _find_topics(bag: _Bag) -> None:
     for storage, connection in [(s, c) for s in bag.storages for c in s.connections]:
         kind, definition = connection.msgtype, connection.msgdef
         if definition not in known:
-            if sum(len(other.data) for other in known) + len(definition.data) > MOST_TEXT:
-                raise LogError(
-                    f"{bag.path}: must name and define its topics in {MOST_TEXT / 1e6:g} million "
-                    f"characters. Is it the right file?"
-                )
+            require(
+                sum(len(other.data) for other in known) + len(definition.data) <= MOST_TEXT,
+                f"{bag.path}: must name and define its topics in {MOST_TEXT / 1e6:g} million "
+                f"characters. Is it the right file?",
+                LogError,
+            )
             store = get_typestore(Stores.ROS1_NOETIC if bag.ros1 else Stores.LATEST)
             own = _types_of(kind, definition)
             for name in own:
@@ -272,10 +278,11 @@ def _contents(path: Path) -> Contents:
                 _find_numbers(topic.decode(raw, topic.type), "", columns)
             if own := tuple(column for column in columns if not column.startswith("header.")):
                 found[name] = own
-            if sum(map(len, found.values())) > MOST_COLUMNS:
-                raise LogError(
-                    f"{path}: must hold at most {MOST_COLUMNS} numbers by name. Keep fewer topics."
-                )
+            require(
+                sum(map(len, found.values())) <= MOST_COLUMNS,
+                f"{path}: must hold at most {MOST_COLUMNS} numbers by name. Keep fewer topics.",
+                LogError,
+            )
     if not found:
         why = f"; {bag.notes[-1]}" if bag.notes else ""
         raise LogError(
@@ -352,10 +359,11 @@ class _Rows:
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     with _open(path) as bag:
         lacking = next((name for name in wanted if name not in bag.topics), None)
-        if lacking is not None:
-            raise LogError(
-                f"{path}, {lacking}: must be a topic of a known type in the bag; mend the map."
-            )
+        require(
+            lacking is None,
+            f"{path}, {lacking}: must be a topic of a known type in the bag; mend the map.",
+            LogError,
+        )
         rows = {
             name: _Rows(bag.topics[name], [_getter(column) for column in columns])
             for name, columns in wanted.items()

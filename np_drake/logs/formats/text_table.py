@@ -23,8 +23,14 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.atomic_file import atomic_path
-from np_drake.files.input_file import cell_budget, decompressed_start, note_input, text_budget
+from np_drake.checks import require
+from np_drake.files.file_access import (
+    atomic_path,
+    cell_budget,
+    decompressed_start,
+    note_input,
+    text_budget,
+)
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Progress, indexed, no_progress
@@ -233,18 +239,21 @@ def check_header(path: str | Path, names: Sequence[str]) -> None:
 
     Raises: LogError: if there is one name only, too many, none that is a word, or one twice.
     """
-    if len(names) == 1:
-        raise LogError(
-            f"{path}, line 1: the header must name comma-separated columns; got {names[0][:60]!r}."
-        )
-    if len(names) > MAX_COLUMNS:
-        raise LogError(
-            f"{path}, line 1: must name at most {MAX_COLUMNS} columns; got {len(names)}."
-        )
-    if all(is_number(name) for name in names):
-        raise LogError(
-            f"{path}: must start with a header line of column names; line 1 holds numbers."
-        )
+    require(
+        len(names) != 1,
+        f"{path}, line 1: the header must name comma-separated columns; got {names[0][:60]!r}.",
+        LogError,
+    )
+    require(
+        len(names) <= MAX_COLUMNS,
+        f"{path}, line 1: must name at most {MAX_COLUMNS} columns; got {len(names)}.",
+        LogError,
+    )
+    require(
+        not all(is_number(name) for name in names),
+        f"{path}: must start with a header line of column names; line 1 holds numbers.",
+        LogError,
+    )
     require_names(path, names)
 
 
@@ -253,10 +262,11 @@ def require_names(path: object, names: Sequence[str]) -> None:
 
     Raises: LogError: if there are too many, or one stands twice.
     """
-    if len(names) > MAX_COLUMNS:
-        raise LogError(
-            f"{path}: must hold at most {MAX_COLUMNS} numbers in a row; got {len(names)}."
-        )
+    require(
+        len(names) <= MAX_COLUMNS,
+        f"{path}: must hold at most {MAX_COLUMNS} numbers in a row; got {len(names)}.",
+        LogError,
+    )
     twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if twice:
         raise LogError(f"{path}, column {twice[0] or '(no name)'}: must stand once in the header.")
@@ -275,8 +285,11 @@ def read_layout(path: Path) -> Layout:
         told = SEPARATOR.fullmatch(header)
         if told:
             header, head = next(lines, ""), 2
-        if not header.strip():
-            raise LogError(f"{path}: must hold a header line and rows; its first line is empty.")
+        require(
+            header.strip(),
+            f"{path}: must hold a header line and rows; its first line is empty.",
+            LogError,
+        )
         delimiter = told[1] if told else find_delimiter(header)
         names = split_header(header, delimiter)
         check_header(path, [name or f"column {i + 1}" for i, name in enumerate(names)])
@@ -464,8 +477,11 @@ def read_csv(path: str | Path) -> Table:
     """
     with contextlib.closing(read_lines(path)) as lines:
         header = next(lines, "")
-        if not header.strip() and not any(line.strip() for line in lines):
-            raise LogError(f"{path}: must hold a header line and rows; the file is empty.")
+        require(
+            header.strip() or any(line.strip() for line in lines),
+            f"{path}: must hold a header line and rows; the file is empty.",
+            LogError,
+        )
     names = [name.strip() for name in header.split(",")]
     check_header(path, names)
     cells = tuple(Cell(name, i) for i, name in enumerate(names))
@@ -523,8 +539,7 @@ def parse_number(text: str) -> float:
     word = text.strip().lower()
     if word in WORDS:
         return WORDS[word]
-    if not is_plain(text):
-        raise ValueError(text)
+    require(is_plain(text), text)
     return float(text)
 
 

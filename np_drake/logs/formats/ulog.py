@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import (
     Contents,
@@ -157,12 +158,12 @@ def _by_function(
             if wanted <= set(columns) and n not in stream_of.values()
         ]
         exact = [n for n in able if wanted == set(streams[n])]
-        if len(able) > 1 and len(exact) != 1:
-            raise ValueError(
-                f"{' and '.join(able)} must tell which is {group}; the outputs of its "
-                f"motors move in each. Name the "
-                "columns of throttle in a map."
-            )
+        require(
+            len(able) <= 1 or len(exact) == 1,
+            f"{' and '.join(able)} must tell which is {group}; the outputs of its "
+            f"motors move in each. Name the "
+            "columns of throttle in a map.",
+        )
         if not able:
             return []
         stream_of[group] = (exact or able)[0]
@@ -401,14 +402,18 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     resets: list[tuple[float, str]] = []
     for name, columns in wanted.items():
         parts = [data.data for data in log.data_list if _stream_name(data) == name]
-        if not parts:
-            raise LogError(
-                f"{path}: must hold rows of {name}; it has none. Name another stream in the map."
-            )
+        require(
+            parts,
+            f"{path}: must hold rows of {name}; it has none. Name another stream in the map.",
+            LogError,
+        )
         known = set.intersection(*map(set, parts))
         for column in columns:
-            if column not in known:
-                raise LogError(f"{path}: must hold the field {column} of {name}; it does not.")
+            require(
+                column in known,
+                f"{path}: must hold the field {column} of {name}; it does not.",
+                LogError,
+            )
         timed = np.concatenate([part["timestamp"] for part in parts]) != 0
         data = {c: np.concatenate([part[c] for part in parts])[timed] for c in known}
         sampled = None if COMMANDS.fullmatch(name) else data.get("timestamp_sample")
@@ -577,12 +582,12 @@ def _default_map(contents: Contents) -> LogMap | None:
         return None
     for name, columns in contents.items() if not (found.throttle or found.rotor_speed) else ():
         moving = sum(bool(ROTOR_COLUMN.fullmatch(column)) for column in columns)
-        if name.partition(".")[0] in ("actuator_motors", "actuator_outputs") and moving:
-            raise ValueError(
-                f"{moving} outputs of {name} move, and nothing says which are all of the "
-                f"motors (PWM_MAIN_FUNCn, "
-                "CA_ROTOR_COUNT). Name them as throttle in a map."
-            )
+        require(
+            name.partition(".")[0] not in ("actuator_motors", "actuator_outputs") or not moving,
+            f"{moving} outputs of {name} move, and nothing says which are all of the "
+            f"motors (PWM_MAIN_FUNCn, "
+            "CA_ROTOR_COUNT). Name them as throttle in a map.",
+        )
     return found
 
 

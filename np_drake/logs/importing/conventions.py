@@ -26,7 +26,16 @@ from np_drake.logs.importing.laws import (
     stretches,
     told_by_noise,
 )
-from np_drake.logs.importing.log_map import BODIES, UNITS, WORDS, WORLDS, LogMap, Values, convert
+from np_drake.logs.importing.log_map import (
+    BODIES,
+    DIRECTIONS,
+    ORDERS,
+    UNITS,
+    WORLDS,
+    LogMap,
+    Values,
+    convert,
+)
 from np_drake.logs.importing.signals import Signals, clock_of
 
 DOUBTED = 0.15  # misfit above which a part of a log may be disturbed [1]; own choice
@@ -234,8 +243,8 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
     turns, euler, vector = name == "attitude", len(source.columns) == 3, name in VECTORS
     pairs = (  # option, its two words, that of the map, and whether this quantity has it
         ("unit", ("deg", "rad"), source.unit, turns and euler),
-        ("order", WORDS["order"], source.order, turns and not euler),
-        ("direction", WORDS["direction"], source.direction, turns),
+        ("order", ORDERS, source.order, turns and not euler),
+        ("direction", DIRECTIONS, source.direction, turns),
         ("world", WORLDS, world, turns or (axes == "world" and vector)),
         ("body", BODIES, body, turns or (axes == "body" and vector)),
         ("axes", ("world", "body"), axes, name in ("velocity", "rates")),

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS
 from np_drake.logs.errors import LogError
@@ -123,13 +124,14 @@ def in_the_likely_unit(
         return next(iter(found.values()))
     alone = next(iter(flown)), "read otherwise they carry nothing"
     unit, why = _by_the_lift(flown) if len(flown) > 1 else alone
-    if not unit:
-        raise LogError(
-            f"{path}, throttle ({log_map.throttle.columns[0]} …): must be "
-            f"{' or '.join(READ.values())}; neither the "
-            f"log nor its lift tells which ({why}). Write throttle: {{unit: us}} or "
-            f"throttle: {{unit: dshot}} in a map."
-        )
+    require(
+        unit,
+        f"{path}, throttle ({log_map.throttle.columns[0]} …): must be "
+        f"{' or '.join(READ.values())}; neither the "
+        f"log nor its lift tells which ({why}). Write throttle: {{unit: us}} or "
+        f"throttle: {{unit: dshot}} in a map.",
+        LogError,
+    )
     log_map, made, told = found[unit]
     if unit != "us":
         told = [*told, f"outputs are taken as {READ[unit]}: {why}"]
@@ -319,8 +321,11 @@ def import_log(
     )
     name = ENDINGS.sub("", Path(path).name)
     flights = [flight for part in parts for flight in part.flights]
-    if not flights:
-        raise LogError(f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.")
+    require(
+        flights,
+        f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.",
+        LogError,
+    )
     timing = max(beside.timing, *(part.timing for part in parts))
     layout = motors.layout or beside.rotors
     for number, flight in enumerate(flights, start=1):
@@ -407,13 +412,13 @@ def _signals_of_parts(
     signals, short = within(
         signals, origin + (log_map.start or -np.inf), origin + (log_map.stop or np.inf)
     )
-    if short:
-        raise LogError(f"{path}: start and stop must leave samples; {short} in them.")
+    require(not short, f"{path}: start and stop must leave samples; {short} in them.", LogError)
     signals, slow = usable_inputs(signals, log_map)
     breaks = find_breaks(signals, log_map, recording.breaks, merged)
     parts, broken = split(signals, breaks, origin)
-    if not parts:
-        raise LogError(
-            f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal."
-        )
+    require(
+        parts,
+        f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal.",
+        LogError,
+    )
     return parts, [*said, *slow, *broken], notes, origin

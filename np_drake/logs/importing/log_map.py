@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
-from np_drake.files.yaml_file import load_checked, read_yaml
+from np_drake.checks import require
+from np_drake.files.yaml_file import check_fields, load_checked, number, read_yaml, word
 from np_drake.logs.columns import GRAVITY as GRAVITY
 
 WORLDS = ("enu", "ned")  # z up (any horizontal axes), z down
@@ -36,14 +37,7 @@ UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "commanded_rates": {"rad/s": 1.0, "deg/s": 0.017453292519943295},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
 }
-WORDS = {  # of the options of a source
-    "axes": ("", "world", "body"),
-    "kind": ("", "specific_force", "acceleration"),
-    "order": ("wxyz", "xyzw"),
-    "world": ("", *WORLDS),
-    "body": ("", *BODIES),
-    "direction": ("body_to_world", "world_to_body"),
-}
+ORDERS, DIRECTIONS = ("wxyz", "xyzw"), ("body_to_world", "world_to_body")
 SIZES: dict[str, tuple[int, ...]] = {  # number of columns
     "position": (3,),
     "velocity": (3,),
@@ -74,13 +68,13 @@ class Source:
     scale: float = 1.0  # factor on the columns before the unit; −1 turns a sign [1]
     # of each column, 1 or −1: `[1, -1, 1]` turns a left-handed pitch; empty: all 1
     signs: list[float] = dc.field(default_factory=list)
-    axes: str = ""  # world | body; empty: world for velocity and dv/dt, else body
+    axes: str = word("", "", "world", "body")  # empty: world for velocity and dv/dt, else body
     # of an acceleration: specific_force (an accelerometer's; so if empty) | acceleration (dv/dt)
-    kind: str = ""
-    order: str = "wxyz"  # of a quaternion: wxyz | xyzw
-    direction: str = "body_to_world"  # of an attitude: body_to_world | world_to_body
-    world: str = ""  # frame of this quantity, where it differs from the map's
-    body: str = ""  # frame of this quantity, where it differs from the map's
+    kind: str = word("", "", "specific_force", "acceleration")
+    order: str = word("wxyz", *ORDERS)  # of a quaternion
+    direction: str = word("body_to_world", *DIRECTIONS)  # of an attitude
+    world: str = word("", "", *WORLDS)  # frame of this quantity, where it differs from the map's
+    body: str = word("", "", *BODIES)  # frame of this quantity, where it differs from the map's
     # by which the stamps are later than the quantity; None: measured (`one_clock`) [s]
     late: float | None = None
     # of a throttle, its readings at 0 and 1, once or for each column; empty: those of the unit
@@ -111,14 +105,14 @@ class LogMap:
 
     # crazyflie | blackbox | ulog | dataflash | ros | neural_fly | table; empty: as the file looks
     format: str = ""
-    world: str = "enu"  # frame of the world: enu (z up) | ned (z down)
-    body: str = "flu"  # frame of the body: flu (z along the thrust) | frd (z against it)
+    world: str = word("enu", *WORLDS)  # frame of the world: enu (z up) | ned (z down)
+    body: str = word("flu", *BODIES)  # of the body: flu (z along the thrust) | frd (z against it)
     # when a row's command acts: held_after (from this row to the next) | held_before (until this
     # row) | averaged (its mean over the interval after this row) | sampled (of one that changes in
     # between, as in a thinned log) | unknown
-    command: str = "unknown"
-    start: float = 0.0  # of the part to import, from the first attitude [s]
-    stop: float = 0.0  # its end; 0: the end of the log [s]
+    command: str = word("unknown", *TIMINGS)
+    start: float = number(0.0, "s", 0.0)  # of the part to import, from the first attitude
+    stop: float = number(0.0, "s", 0.0)  # its end; 0: the end of the log
     # of the rows, 4 to 20 000; 0: that of the fastest signal, at most 500 [Hz]
     rate: float = 0.0
     # the column of times, where the format does not know it
@@ -178,17 +172,11 @@ class LogMap:
 
         Raises: ValueError: one line with field, value and what it may be.
         """
-        for name, words in (("world", WORLDS), ("body", BODIES), ("command", TIMINGS)):
-            _one_of(name, getattr(self, name), words)
-        for name in ("start", "stop"):
-            if not 0 <= getattr(self, name) < 1e9:
-                raise ValueError(
-                    f"LogMap: {name} must be finite and not negative; got {getattr(self, name)}."
-                )
-        if self.rate != 0 and not RATES[0] <= self.rate <= RATES[1]:
-            raise ValueError(
-                f"LogMap: rate must be 0, or {RATES[0]:g} … {RATES[1]:g} Hz; got {self.rate:g}."
-            )
+        check_fields(self, "LogMap")
+        require(
+            self.rate == 0 or RATES[0] <= self.rate <= RATES[1],
+            f"LogMap: rate must be 0, or {RATES[0]:g} … {RATES[1]:g} Hz; got {self.rate:g}.",
+        )
         if self.time:
             _check_source("time", self.time, (1,))
         for name, source in self.sources():
@@ -232,10 +220,10 @@ def load_map_file(name: str | Path) -> MapFile:
         if str(name) in presets and not Path(name).is_file()
         else Path(name)
     )
-    if not path.exists() and not path.suffix:
-        raise ValueError(
-            f"log map {name}: must be a file, or the preset of a data set: {', '.join(presets)}."
-        )
+    require(
+        path.exists() or path.suffix,
+        f"log map {name}: must be a file, or the preset of a data set: {', '.join(presets)}.",
+    )
     values = load_checked(LogMap, path, "log map")
     content = read_yaml(path) or {}
     return MapFile(values, {k: tuple(v) if isinstance(v, dict) else () for k, v in content.items()})
@@ -246,12 +234,14 @@ def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
     if count not in known:
         sizes = " or ".join(map(str, known))
         raise ValueError(f"LogMap: {name} must name {sizes} columns; got {count}.")
-    _one_of(f"{name}.unit", source.unit, ("", *UNITS[name]))
-    for option, words in WORDS.items():
-        _one_of(f"{name}.{option}", getattr(source, option), words)
+    check_fields(source, f"LogMap: {name}")
     pairs = list(zip(source.ends[::2], source.ends[1::2], strict=False))
     signs = [abs(sign) for sign in source.signs]
     checks = [
+        (
+            f"unit must be one of {', '.join(UNITS[name])}; got {source.unit!r}",
+            source.unit in ("", *UNITS[name]),
+        ),
         (
             f"signs must be 1 or -1 for each column, as [1, -1, 1]; got {source.signs} for "
             f"{count} columns",
@@ -278,14 +268,7 @@ def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
         (f"late must be within 10 s; got {source.late}", abs(source.late or 0.0) <= 10),
     ]
     for what, holds in checks:
-        if not holds:
-            raise ValueError(f"LogMap: {name}.{what}.")
-
-
-def _one_of(field: str, value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
-        named = ", ".join(repr(k) for k in known if k)
-        raise ValueError(f"LogMap: {field} must be one of {named}; got {value!r}.")
+        require(holds, f"LogMap: {name}: {what}.")
 
 
 NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from np_drake import attitude
+from np_drake.checks import require
 from np_drake.logs.columns import LARGEST, LEAST_ROWS
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
@@ -305,12 +306,13 @@ def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
         t = np.asarray(stream.columns[column], float) * factor - (source.late or 0.0)
         streams[name] = Stream(t, stream.columns)
     for name, stream in streams.items():
-        if len(stream) and np.all(np.isnan(stream.t)):
-            raise LogError(
-                f"{recording.path}, stream {name}: must have a time column; name it as "
-                f"time in the map: "
-                "time: {columns: [NAME], unit: s}."
-            )
+        require(
+            not len(stream) or not np.all(np.isnan(stream.t)),
+            f"{recording.path}, stream {name}: must have a time column; name it as "
+            f"time in the map: "
+            "time: {columns: [NAME], unit: s}.",
+            LogError,
+        )
     return dc.replace(recording, streams=streams)
 
 
@@ -326,12 +328,13 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
             stated = recording.units.get(own, declared)
             # A scale may be that of the unit, or a gain in the unit that the file states.
             factors = np.multiply(UNITS[name][declared], [1.0, abs(source.scale)])
-            if stated in UNITS[name] and not np.isclose(UNITS[name][stated], factors).any():
-                raise LogError(
-                    f"{place(recording.path, column=own)}: is in {stated} by the file, in "
-                    f"{declared} by the map; "
-                    f"write {name}: {{unit: {stated}}}, without a scale, in the map."
-                )
+            require(
+                stated not in UNITS[name] or np.isclose(UNITS[name][stated], factors).any(),
+                f"{place(recording.path, column=own)}: is in {stated} by the file, in "
+                f"{declared} by the map; "
+                f"write {name}: {{unit: {stated}}}, without a scale, in the map.",
+                LogError,
+            )
 
 
 LONGEST_ZERO = 0.1  # in which no rotor stops and turns again [s]; own choice

@@ -13,10 +13,9 @@ from functools import partial
 
 import pytest
 
-from diagrams.batch import campaign as processes
 from diagrams.batch import run as batch_run
-from diagrams.batch.campaign import as_they_finish, connect, run_campaign
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch import run as processes
+from diagrams.batch.run import FailedRun, Workers, as_they_finish, connect
 from diagrams.cli.main import run
 
 CASES = [{"number": number} for number in range(4)]
@@ -94,9 +93,10 @@ def test_a_cluster_answers_as_one_machine_and_a_dead_worker_loses_one_case(tmp_p
         return {"square": case["number"] ** 2}
 
     with cluster_of(1) as address:
-        there = run_campaign(work, CASES, config={}, folder=tmp_path, scheduler=address)
-        again = run_campaign(dict, CASES[3:], config={}, folder=tmp_path, scheduler=address)
-    here = run_campaign(work, CASES, config={}, jobs=1)
+        workers = Workers(folder=tmp_path, scheduler=address)
+        there = workers.run(work, CASES, config={})
+        again = workers.run(dict, CASES[3:], config={})
+    here = Workers().run(work, CASES, config={})
     assert [r.get("result") for r in here] == [{"square": 0}, None, None, {"square": 9}]
     assert "lost" in there[1]["error"]
     assert there[2]["error"] == here[2]["error"] == "mass must be positive"
@@ -105,7 +105,7 @@ def test_a_cluster_answers_as_one_machine_and_a_dead_worker_loses_one_case(tmp_p
 
 def test_workers_of_several_threads_are_refused_before_work():
     with cluster_of(1, threads=2) as found, pytest.raises(ValueError, match="one thread each"):
-        run_campaign(dict, CASES, config={}, scheduler=found)
+        Workers(scheduler=found).run(dict, CASES, config={})
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "no address"])

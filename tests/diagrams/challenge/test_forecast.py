@@ -15,7 +15,7 @@ from diagrams.challenge.forecast import (
 )
 from diagrams.cli.main import run
 from np_drake.residual_models.hold import Constant, Hold
-from np_drake.training_data.training_segments import sampled_flight
+from np_drake.training_data.segments import sampled_flight
 from np_drake.vehicle import Vehicle
 
 

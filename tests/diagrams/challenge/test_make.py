@@ -5,7 +5,7 @@ from contextlib import nullcontext
 
 import pytest
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.run import FailedRun
 from diagrams.challenge import flight
 from diagrams.challenge import make as module
 from diagrams.challenge.draw import FILES, CaseDraw, case_name

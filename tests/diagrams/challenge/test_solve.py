@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from diagrams.batch.failed_run import one_line
+from diagrams.batch.run import one_line
 from diagrams.challenge import solve as module
 from diagrams.challenge.solve import solve, solve_case
 from np_drake.logs.formats.log_file import write_log

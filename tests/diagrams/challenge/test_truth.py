@@ -7,7 +7,7 @@ from diagrams.challenge.draw import FILES, CaseDraw, draw_case
 from diagrams.challenge.make import fly_case
 from diagrams.challenge.out_of_library import OutOfLibraryWrench
 from diagrams.challenge.truth import GroundTruth
-from np_drake.effects.air_speed import chi_from_body
+from np_drake.effects.base import chi_from_body
 from np_drake.effects.thrust_scale import ThrustScale
 
 HELD_OUT = FILES[-1]

@@ -13,7 +13,7 @@ import typing
 import pytest
 import typer
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.run import FailedRun
 from diagrams.cli import app as dut
 from diagrams.cli.main import run
 from np_drake.files.interruption import Ended

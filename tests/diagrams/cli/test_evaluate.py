@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from np_drake.lifting.model.encoders import DelayEncoder
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.skill.skill import NAIVE
 

@@ -6,12 +6,12 @@ from typing import Annotated
 import pytest
 import typer
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.run import FailedRun
 from diagrams.cli import verb as output
 from diagrams.cli.app import run_app
 from diagrams.cli.main import run
 from diagrams.cli.verb import Report, Run, reports
-from np_drake.files.atomic_file import lock_outputs, write_text
+from np_drake.files.file_access import lock_outputs, write_text
 
 TABLE = ("a title", ["what", "value"], [("one | two", 1.23456)])
 

@@ -10,7 +10,7 @@ import pytest
 from diagrams.cli.main import run
 from diagrams.cli.train import open_flights as verb_flights
 from diagrams.loop.controller_config import NP_MODEL
-from np_drake.lifting.model.model_file import load_model
+from np_drake.lifting.model.lifted_model import load_model
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.opening import open_flights
 from np_drake.payload_filter.model_file import PayloadFilterModel

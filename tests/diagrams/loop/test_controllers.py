@@ -11,7 +11,7 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_result import LostVehicle, fly
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.lifting.model.model_file import load_model
+from np_drake.lifting.model.lifted_model import load_model
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.config import ReferenceConfig
 from np_drake.residual_models.neural_predictor import NeuralPredictor

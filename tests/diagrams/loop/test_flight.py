@@ -7,7 +7,7 @@ import typing
 import numpy as np
 import pytest
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.run import FailedRun
 from diagrams.loop.experiments import EXPERIMENTS, load_experiment
 from diagrams.loop.flight import ARENA, FlightConfig, load_flight
 from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator, recorded

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import LeafSystem
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.run import FailedRun
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import load_flight

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from diagrams.batch.campaign import unpacked
+from diagrams.batch.run import unpacked
 from diagrams.loop.controller_config import NP_MODEL
 from diagrams.studies.learning import (
     LENGTH,
@@ -14,7 +14,7 @@ from diagrams.studies.learning import (
     flown_segment,
     flown_share,
 )
-from np_drake.lifting.model.model_file import load_model
+from np_drake.lifting.model.lifted_model import load_model
 from np_drake.vehicle import Vehicle
 
 

@@ -8,9 +8,8 @@ import pandas as pd
 import pytest
 
 from diagrams.loop.experiments import load_experiment
-from diagrams.studies import payload, tracking
-from diagrams.studies.columns import fixed, percent, spread
-from diagrams.studies.options import FlownRun
+from diagrams.studies import tracking
+from diagrams.studies.options import FlownRun, fixed, percent, spread
 from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means, tidy
 
 REGIME = "paper_vehicle"
@@ -20,18 +19,18 @@ ROWS = (Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np"))
 def test_nominal_flies_with_every_choice_of_rows():
     assert choose_rows(ROWS, None) == ROWS
     assert [row.name for row in choose_rows(ROWS, ["np"])] == ["nominal", "np"]
-    with pytest.raises(ValueError, match=r"\(nominal; hold; np\); got pid"):
+    with pytest.raises(ValueError, match="of nominal; hold; np; got pid"):
         choose_rows(ROWS, ["np", "pid"])
 
 
-@pytest.mark.parametrize("rows", [tracking.ROWS, payload.ROWS])
+@pytest.mark.parametrize("rows", [tracking.ROWS, tracking.HOVER_ROWS])
 def test_rows_differ_in_their_controller_alone(rows):
     frozen = load_experiment("circle").controller.mpc
     for row in rows:
         config = configure("circle", row, solver="sqp", model="a file")
         assert config.reality == load_experiment("circle").reality
         assert config.controller.extra_mass == (0.26 if row.known_mass else 0.0)
-        damped = row.name in (payload.DAMPED, payload.FILTER_DAMPED)
+        damped = row.name in (tracking.DAMPED, tracking.FILTER_DAMPED)
         assert (config.controller.mpc == frozen) == (not damped)
 
 

@@ -4,13 +4,12 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from np_drake.effects.base import Parameter, WrenchEffect, correlation_root, prior_root
+from np_drake.effects.base import Parameter, WrenchEffect, correlation_root, prior_root, usual_size
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.library import LIBRARY, register
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
-from np_drake.effects.parameter import usual_size
 from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle

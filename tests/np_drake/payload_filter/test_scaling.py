@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.model_file import read_tensors, write_model
+from np_drake.lifting.model.lifted_model import read_tensors, write_model
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.filter_bank import BankOptions
 from np_drake.payload_filter.kernel import PARAMETERS, POINT, weigh_bank

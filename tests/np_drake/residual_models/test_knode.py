@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.residual_models.motion_training import KnodeConfig, Piece, _Nominal, fit_knode
+from np_drake.residual_models.predictor_training import KnodeConfig, Piece, _Nominal, fit_knode
 from np_drake.vehicle import Vehicle
 
 VEHICLE, STEP = Vehicle(), 0.02

@@ -7,13 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.lifting.model.encoders import DelayEncoder, Phi
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DELAY_DMDC, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem, Phi
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.flight_skill import stability_of
-from np_drake.skill.skill import model_predictions
+from np_drake.skill.skill import model_predictions, stability_of
 
 D, STEP = 4, 0.02
 A = np.diag([0.9, 0.8, 0.95, 0.7, 0.6, 0.5])
@@ -26,7 +24,9 @@ def last_sample_model(torque: bool = True) -> LiftedModel:
     E = np.zeros((6, 12 * D))
     E[:, 12 * (D - 1) : 12 * (D - 1) + 6] = np.eye(6)
     system = LiftedLinearSystem(A, B, np.eye(6), STEP)
-    return LiftedModel(DELAY_DMDC, system, DelayEncoder(E, D), D, np.ones(6), np.ones(6), torque)
+    return LiftedModel(
+        MODE_DICTIONARY, system, DelayEncoder(E, D), D, np.ones(6), np.ones(6), torque
+    )
 
 
 def paper_model() -> LiftedModel:

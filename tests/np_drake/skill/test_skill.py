@@ -8,10 +8,16 @@ import pytest
 from np_drake.residual_model import WrenchForecast, constant_forecast
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.linear_baselines import fit_dmdc
-from np_drake.skill.flight_skill import diverged, walked_stability
-from np_drake.skill.skill import NAIVE, flight_forecasts, held_plan, ratio_interval, skill_table
-from np_drake.training_data.segments import Segment
-from np_drake.training_data.training_segments import SampledFlight, of_wrenches
+from np_drake.skill.skill import (
+    NAIVE,
+    diverged,
+    flight_forecasts,
+    held_plan,
+    ratio_interval,
+    skill_table,
+    walked_stability,
+)
+from np_drake.training_data.segments import SampledFlight, Segment, of_wrenches
 
 STEP, HORIZONS = 0.02, [0, 1, 3, 7]
 

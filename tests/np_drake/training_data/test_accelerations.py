@@ -11,8 +11,8 @@ from np_drake.training_data.accelerations import (
     rows_at,
     smooth_derivative,
     with_accelerations,
-    wrench_sequence,
 )
+from np_drake.training_data.segments import wrench_sequence
 from np_drake.vehicle import Vehicle
 
 

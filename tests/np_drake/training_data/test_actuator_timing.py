@@ -7,11 +7,11 @@ import pytest
 
 from np_drake import labels, rigid_body
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.model_file import rotor_lag_of
+from np_drake.lifting.model.lifted_model import rotor_lag_of
 from np_drake.lifting.training.train import make_config
 from np_drake.residual_models.predictor_training import train_on_flights
 from np_drake.training_data.actuator_timing import delayed, learned_rotor_lag, learned_timing
-from np_drake.training_data.training_segments import Flight
+from np_drake.training_data.segments import Flight
 from np_drake.vehicle import Vehicle
 
 STEP = 0.02  # [s]

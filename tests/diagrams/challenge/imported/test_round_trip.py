@@ -16,12 +16,12 @@ from diagrams.challenge.plans import draw_plan
 from diagrams.challenge.sensors import SensorQuality, rows_of, with_sensor_noise
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
-from np_drake.logs.case_folder import VEHICLE, open_case
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import convert, load_map_file
+from np_drake.logs.opening import VEHICLE, open_case
 from np_drake.vehicle.text import vehicle_text
 from tests.diagrams.challenge.imported import written as table
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
-from np_drake.files.atomic_file import write_text
+from np_drake.files.file_access import write_text
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.log_map import (
     FRD_TO_FLU,

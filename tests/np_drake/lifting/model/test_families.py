@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily, ModalAxis
-from np_drake.lifting.model.lifted_model import LIFTED, NEURAL, LiftedModel
-from np_drake.lifting.model.model_file import load_model, save_model
+from np_drake.lifting.model.lifted_model import LIFTED, NEURAL, LiftedModel, load_model, save_model
 from np_drake.lifting.model.neural_family import MOST, WindowNetwork, with_network
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor

@@ -6,11 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from np_drake.lifting.model.lifted_linear_system import (
+    DelayTaps,
     LiftedLinearSystem,
+    Trust,
     advance,
     stabilized,
     stabilized_all,
 )
+from np_drake.lifting.training.mode_dictionary import time_constants
 
 seeds = st.integers(0, 10_000)
 
@@ -68,3 +71,88 @@ def test_many_are_stabilized_as_each_alone():
     for one, many in zip(A, stable, strict=True):
         np.testing.assert_allclose(many, stabilized(one, 0.99), atol=1e-9)
     assert np.abs(np.linalg.eigvals(stable)).max() <= 0.99
+
+
+TAPS = DelayTaps(delay=30, dense=5, averages=4)
+
+
+def test_taps_are_the_newest_samples_and_averages_of_all_older_ones():
+    matrix = TAPS.matrix
+    np.testing.assert_array_equal(matrix[:5], np.eye(30)[::-1][:5])
+    np.testing.assert_allclose(matrix.sum(axis=1), 1.0)
+    np.testing.assert_array_equal((matrix > 0).sum(axis=0), 1)
+    assert np.all(np.diff((matrix[5:] > 0).sum(axis=1)) >= 0)
+
+
+def test_features_and_expanded_weights_see_the_same_samples():
+    generator = np.random.default_rng(0)
+    samples, W = generator.standard_normal((60, 12)), generator.standard_normal((3, 9 * 12))
+    origins = np.array([29, 40, 59])
+    windows = np.stack([samples[k - 29 : k + 1].ravel() for k in origins])
+    expected = windows @ TAPS.expand(W, 12).T
+    np.testing.assert_allclose(TAPS.features(samples, origins) @ W.T, expected, atol=1e-12)
+
+
+HORIZONS = np.array([1, 2, 5, 10, 20])
+MODES = time_constants((2.0, 8.0, 30.0), (2.0, 8.0, 30.0), 1e5)
+DUT = Trust(
+    HORIZONS,
+    MODES.readout(HORIZONS),
+    MODES.projector(HORIZONS, np.ones((5, 2)), ridge=1e-12),
+    np.zeros(6),
+    half=20.0,
+    evidence=10.0,
+    caution=30.0,
+    settle=20.0,
+)
+
+
+def sway(n: int = 800) -> np.ndarray:
+    """(n, 6) a sum of slow lines on a level of 3 in force."""
+    t, phase = np.arange(n)[:, None], np.arange(6.0)
+    return np.sin(0.05 * t + phase) + 0.5 * np.sin(0.13 * t + 2 * phase) + 3.0 * (np.arange(6) < 3)
+
+
+CHI = sway()
+ORIGINS = np.arange(len(CHI) - 21)
+
+
+def course(gain: float) -> np.ndarray:
+    """(o, K) lifted states whose forecast departs `gain` times as much as the wrench will."""
+    future = CHI[ORIGINS[:, None] + HORIZONS]
+    base = np.where(np.arange(6) < 3, CHI[ORIGINS], 0.0)[:, None]
+    return np.einsum("khc,ohc->ok", DUT.projector, base + gain * (future - base))
+
+
+def errors(z: np.ndarray) -> np.ndarray:
+    """(5, 2) RMSE of force and torque by horizon, over the second half."""
+    error = np.einsum("hck,ok->ohc", DUT.readout, z) - CHI[ORIGINS[:, None] + HORIZONS]
+    square = (error[len(error) // 2 :] ** 2).mean(axis=0)
+    return np.sqrt(np.stack([square[:, :3].sum(1), square[:, 3:].sum(1)], axis=1))
+
+
+def trusted(gain: float) -> np.ndarray:
+    return DUT.along(course(gain), CHI[: len(ORIGINS)], 0)
+
+
+def test_a_forecast_of_the_future_is_never_used_before_it_is_verified():
+    z, changed = course(1.0)[:300], CHI[:300].copy()
+    changed[150:] += 5.0
+    before = DUT.along(z, CHI[:300], 0)[:150]
+    np.testing.assert_array_equal(before, DUT.along(z, changed, 0)[:150])
+
+
+def test_a_good_forecast_comes_to_be_trusted_and_one_the_wrong_way_ignored():
+    held = errors(course(0.0))
+    assert np.all(errors(trusted(1.0)) < 0.25 * held)
+    assert np.all(errors(trusted(-1.0)) < 1.1 * held)
+    assert np.all(errors(course(-1.0)) > 1.5 * held)
+
+
+def test_before_any_evidence_a_far_forecast_is_half_believed():
+    chi = np.array([1.0, 0, 0, 0, 0, 0])
+    z = np.einsum("khc,hc->k", DUT.projector, np.tile([2.0, 0, 0, 1.0, 0, 0], (5, 1)))
+    corrected = DUT.update(DUT.initial_memory(), z, chi, labelled=True)["z"]
+    forecast = (DUT.readout @ corrected)[:, 0]
+    assert forecast[-1] == pytest.approx(1.5, abs=0.05)  # half = the last horizon
+    assert forecast[0] == pytest.approx(1.95, abs=0.05)

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.lifting.model.encoders import Phi
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, stabilized
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Phi, stabilized
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.model.window_refit import RADIUS, WindowRefit
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.encoders import DelayTaps
+from np_drake.lifting.model.lifted_linear_system import DelayTaps
 from np_drake.lifting.training.excitation import turns
 from np_drake.lifting.training.linear_fits import flight_moments, horizon_ridge, relative_error
 

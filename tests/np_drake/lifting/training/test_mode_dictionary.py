@@ -17,8 +17,7 @@ from np_drake.lifting.training.train import train
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.skill.skill import model_predictions, skill_table
-from np_drake.training_data.segments import Segment
-from np_drake.training_data.training_segments import of_wrenches
+from np_drake.training_data.segments import Segment, of_wrenches
 
 MODES, HORIZONS = time_constants((2.0, 8.0, 30.0), (2.0, 8.0, 30.0), 1e5), np.array([0, 1, 5, 20])
 

@@ -61,7 +61,7 @@ def test_the_seed_decides_and_progress_ascends_to_its_total(dithered):
         train([dithered.segment], dc.replace(config, seed=seed)).model for seed in (0, 1)
     )
     np.testing.assert_array_equal(again.system.B, first.system.B)
-    np.testing.assert_array_equal(again.linear_encoder.E, first.linear_encoder.E)
+    np.testing.assert_array_equal(again.encoder.axes[0].encoder, first.encoder.axes[0].encoder)
     assert not np.array_equal(other.system.B, first.system.B)
     assert [call[:2] for call in calls] == [(n, 12) for n in range(1, 13)]
     assert all(np.isfinite(loss) for _, _, loss in calls)

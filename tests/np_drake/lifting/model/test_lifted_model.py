@@ -9,11 +9,12 @@ import pytest
 import torch
 from safetensors.numpy import load_file, save_file
 
-from np_drake.lifting.model.encoders import DelayEncoder, Phi
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DELAY_DMDC, PAPER, LiftedModel
-from np_drake.lifting.model.model_file import (
+from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem, Phi
+from np_drake.lifting.model.lifted_model import (
+    MODE_DICTIONARY,
+    PAPER,
     SCHEMA,
+    LiftedModel,
     load_model,
     require_origin,
     rotor_lag_of,
@@ -37,7 +38,7 @@ def rewrite(path: Path, change) -> None:
     """Tensors and header of a good file, changed by `change(tensors, header, metadata)`."""
     tensors = load_file(path)
     metadata = {"schema": SCHEMA, "model": ""}
-    header = {"configuration": DELAY_DMDC, "step": 0.02, "window": 5, "predicts_torque": True}
+    header = {"configuration": MODE_DICTIONARY, "step": 0.02, "window": 5, "predicts_torque": True}
     header |= {"ridge": 0.0, "summary": {}}
     change(tensors, header, metadata)
     save_file(tensors, path, {**metadata, "model": json.dumps(header)})
@@ -45,7 +46,7 @@ def rewrite(path: Path, change) -> None:
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    save_model(model(DELAY_DMDC), tmp_path / "model.safetensors")
+    save_model(model(MODE_DICTIONARY), tmp_path / "model.safetensors")
     return tmp_path / "model.safetensors"
 
 
@@ -53,11 +54,11 @@ def test_equal_models_are_equal_files(tmp_path):
     # The library's order of names is drawn anew at every call: two of eight calls differ but for 1
     # in 128.
     for number in range(8):
-        save_model(model(DELAY_DMDC), tmp_path / f"{number}.safetensors")
+        save_model(model(MODE_DICTIONARY), tmp_path / f"{number}.safetensors")
     assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1
 
 
-@pytest.mark.parametrize("configuration", [PAPER, DELAY_DMDC])
+@pytest.mark.parametrize("configuration", [PAPER, MODE_DICTIONARY])
 def test_what_is_read_is_what_was_written(configuration, tmp_path):
     saved = model(configuration)
     save_model(saved, tmp_path / "m.safetensors")

@@ -10,10 +10,8 @@ import time
 import numpy as np
 import pytest
 
-from diagrams.batch import campaign
-from diagrams.batch.campaign import packed, run_campaign, unpacked
-from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.run import Workers, every_result, failures, results
+from diagrams.batch import run as campaign
+from diagrams.batch.run import FailedRun, Workers, every_result, failures, packed, results, unpacked
 
 CONFIG = {"solver": "sqp", "reality": {"drag": 0.25}}
 CASES = [{"row": "np", "speed": speed} for speed in (0.5, 1.0, 1.5)]
@@ -42,19 +40,19 @@ def counted(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("how", "why"), [("exit", "EXIT(5)"), ("raise", "KeyError: 'drag' (test_campaign.py:")]
+    ("how", "why"), [("exit", "EXIT(5)"), ("raise", "KeyError: 'drag' (test_run.py:")]
 )
 def test_a_failed_case_is_alone_is_recorded_and_is_tried_again(counted, tmp_path, how, why):
     work, calls, broken = counted
     broken.write_text(how)
     folder = tmp_path / "cases"
-    first = run_campaign(work, CASES, config=CONFIG, folder=folder, jobs=1)
+    first = Workers(folder=folder).run(work, CASES, config=CONFIG)
     assert [record["case"] for record in first] == CASES
     assert ["error" in record for record in first] == [False, True, False]
     assert why in first[1]["error"]
     broken.unlink()
     before = len(calls())
-    second = run_campaign(work, CASES, config=CONFIG, folder=folder, jobs=1)
+    second = Workers(folder=folder).run(work, CASES, config=CONFIG)
     assert calls()[before:] == ["1.0"]
     assert second[1]["result"] == {"E_xy": 0.1, "growth": 1.0}
     assert [second[0], second[2]] == [first[0], first[2]]  # from the files, NaN included
@@ -63,18 +61,19 @@ def test_a_failed_case_is_alone_is_recorded_and_is_tried_again(counted, tmp_path
 
 def test_a_finished_campaign_starts_no_process_and_another_one_does(counted, tmp_path, monkeypatch):
     work, calls, _ = counted
-    how, seen = {"config": CONFIG, "folder": tmp_path / "cases"}, []
-    records = run_campaign(work, CASES[:1], **how)
-    run_campaign(work, CASES[:1], **how | {"config": {"solver": "ipopt"}})
+    workers, seen = Workers(folder=tmp_path / "cases"), []
+    records = workers.run(work, CASES[:1], config=CONFIG)
+    workers.run(work, CASES[:1], config={"solver": "ipopt"})
     assert len(calls()) == 2
-    monkeypatch.setattr(campaign, "as_they_finish", None)
-    assert run_campaign(work, CASES[:1], on_progress=lambda *n: seen.append(n), **how) == records
+    monkeypatch.setattr(campaign, "_together", None)
+    again = workers.run(work, CASES[:1], config=CONFIG, on_progress=lambda *n: seen.append(n))
+    assert again == records
     assert seen == [(1, 1)]
 
 
 def test_cases_that_repeat_are_refused():
     with pytest.raises(ValueError, match="differ from each other"):
-        run_campaign(dict, [{"a": 1, "b": 2}, {"b": 2, "a": 1}], config={})
+        Workers().run(dict, [{"a": 1, "b": 2}, {"b": 2, "a": 1}], config={})
 
 
 def test_what_is_kept_of_a_result_is_decided_here_and_only_once(tmp_path):
@@ -88,7 +87,7 @@ def test_what_is_kept_of_a_result_is_decided_here_and_only_once(tmp_path):
         return {"large": [case["speed"]] * 3}
 
     for _ in range(2):
-        records = run_campaign(work, CASES, config={}, folder=tmp_path, keep=keep)
+        records = Workers(folder=tmp_path).run(work, CASES, config={}, keep=keep)
         assert [record["result"] for record in records] == [{"small": s} for s in (0.5, 1.0, 1.5)]
     assert sorted(seen) == [(os.getpid(), [s] * 3) for s in (0.5, 1.0, 1.5)]
 
@@ -100,7 +99,7 @@ def test_a_worker_of_another_version_says_so():
 KILLED = """
 import sys, time
 from pathlib import Path
-from diagrams.batch.campaign import run_campaign
+from diagrams.batch.run import Workers
 
 folder = Path(sys.argv[1])
 
@@ -109,7 +108,7 @@ def work(case):
     time.sleep(0.03)
     return {"sum": float(np.random.default_rng(case["k"]).standard_normal(1000).sum())}
 
-run_campaign(work, [{"k": k} for k in range(12)], config={}, folder=folder, jobs=1)
+Workers(folder=folder).run(work, [{"k": k} for k in range(12)], config={})
 (folder.parent / "whole").touch()
 """
 
@@ -133,7 +132,7 @@ def test_a_campaign_killed_at_any_time_loses_and_doubles_no_case(tmp_path):
     cases = [{"k": k} for k in range(12)]
     # A kill within a write may leave its hidden temporary file, which no run reads.
     assert len({path.name for path in folder.glob("[!.]*.json")}) == len(cases)
-    again = run_campaign(dict, cases, config={}, folder=folder)  # from the files
+    again = Workers(folder=folder).run(dict, cases, config={})  # from the files
     sums = [float(np.random.default_rng(k).standard_normal(1000).sum()) for k in range(12)]
     assert [record["result"]["sum"] for record in again] == sums
 

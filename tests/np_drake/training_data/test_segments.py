@@ -6,8 +6,8 @@ import numpy as np
 
 from np_drake import labels
 from np_drake.flight_log import FlightLog
-from np_drake.training_data.segments import WrenchSequence
-from np_drake.training_data.training_segments import (
+from np_drake.training_data.segments import (
+    WrenchSequence,
     flown_segments,
     sampled_flight,
     training_segments,

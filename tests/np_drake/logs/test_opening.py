@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from np_drake.flight_log import FlightLog
-from np_drake.logs.case_folder import neighbour_of, with_neighbours
 from np_drake.logs.errors import LogError
 from np_drake.logs.import_sheet import Sheet, read_sheet, write_sheet
+from np_drake.logs.opening import neighbour_of, with_neighbours
 
 A, B = Path("here/a.csv"), Path("here/b.csv")
 LEAST = 0.1  # [m]
