@@ -257,11 +257,8 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     found: list[Effect] = [f for f in every if not isinstance(f, SensorEffect)]
     if not fit.calibrated:
         return found
-    # A share of all torque is shown as if the inertia were larger, by as much as a rigid body can
-    # have it.
+    # A share of all torque is shown as if the inertia were larger.
     moments = e.vehicle.J.diagonal() / e.torque_gain
-    moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
-    found.append(InertiaError(*(moments / e.vehicle.J.diagonal())))
     coefficients = iter(fit.calibrated[0][1])
     for d in of_vehicle(e, tolerance):
         moved = {
@@ -271,8 +268,13 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
             continue
         own = [p for p in d.effect.parameters if p.name in moved]
         values = [np.clip(p.neutral + moved[p.name], p.lower, p.upper) for p in own]
-        found.append(d.at(**{p.name: float(v) for p, v in zip(own, values, strict=True)}))
-    return found
+        if d.effect is InertiaError:
+            moments *= values
+        else:
+            found.append(d.at(**{p.name: float(v) for p, v in zip(own, values, strict=True)}))
+    # No larger than a rigid body can have it.
+    moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
+    return [*found, InertiaError(*(moments / e.vehicle.J.diagonal()))]
 
 
 def file_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
