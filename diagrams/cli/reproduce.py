@@ -75,7 +75,7 @@ STUDIES = {
     "identification": Study(
         "identification.simulated", "Simulated vehicles identified from their logs.", 5800
     ),
-    "peers": Study("studies.identification_peers", "Identification beside other libraries.", 6800),
+    "peers": Study("identification.peers", "Identification beside other libraries.", 6800),
 }
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from diagrams.batch.run import Run
+from diagrams.identification import peers
 from diagrams.identification.simulated import draw_truth
-from diagrams.studies import identification_peers as peers
 
 
 def test_the_truth_of_what_is_told_is_what_is_told():
