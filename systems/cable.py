@@ -3,11 +3,12 @@
 import math
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import LeafSystem
 
 from np_drake import attitude
 from np_drake.compiled import compiled, turned
-from systems.plant import declare_event_at, setting
+from systems.plant import declare_event_at, places_of_pair, setting
 
 
 class Cable(LeafSystem):
@@ -28,17 +29,18 @@ class Cable(LeafSystem):
 
     | port | size | meaning | unit |
     |---|---|---|---|
-    | plant_state | 26 | [q_WB, p_WB, q_WP, p_WP, V_WB, V_WP], Drake's order | |
-    | generalized_force | 12 | [moment about Bo, force on B, moment, force on P], all in W | N·m, N |
+    | plant_state | nq + nv | Drake's order | |
+    | generalized_force | nv | [moment about Bo, force] on B, then on P, all in W | N·m, N |
     | tether_wrench | 6 | chi order: [force on B in W, moment about Bo in B] | N, N·m |
     | holds | 1 | the state | |
 
     State: 1 while the cable holds, 0 before and after. Events: at `tied_at` and `cut_at`.
     line: hook (3,), length, stiffness and damping, in the order of `cable_force`.
-    """  # noqa: E501
+    """
 
     def __init__(
         self,
+        plant: MultibodyPlant,
         *,
         length: float,
         hook,
@@ -50,6 +52,7 @@ class Cable(LeafSystem):
         """Declare ports, state and events.
 
         Args:
+            plant: with the free bodies `quadrotor` and `payload`.
             length: L [m].
             hook: (3,) p_BoTo_B [m].
             stiffness: k [N/m].
@@ -59,29 +62,39 @@ class Cable(LeafSystem):
         """
         super().__init__()
         self.line = np.array(hook, float), float(length), float(stiffness), float(damping)
-        self._state_port = self.DeclareVectorInputPort("plant_state", 26)
+        q, self._velocities = places_of_pair(plant)
+        self._rows = np.concatenate([q, plant.num_positions() + self._velocities])
+        size = plant.num_velocities()
+        self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
         holds = self.DeclareDiscreteState([float(tied_at <= 0.0)])
         prerequisites = {self._state_port.ticket(), self.xd_ticket()}
-        self.DeclareVectorOutputPort("generalized_force", 12, self._calc_force, prerequisites)
+        self.DeclareVectorOutputPort("generalized_force", size, self._calc_force, prerequisites)
         self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
         self.DeclareStateOutputPort("holds", holds)
         declare_event_at(self, tied_at, setting(1.0))
         declare_event_at(self, cut_at, setting(0.0))
 
-    def _pull(self, context) -> np.ndarray:
-        """Return the generalized force (12,)."""
+    def _pull(self, context, state) -> np.ndarray:
+        """Return the generalized force (12,) on the pair.
+
+        Args:
+            state: (26,) of the pair: [q_WB, p_WB, q_WP, p_WP, V_WB, V_WP].
+        """
         force = np.zeros(12)
         if context.get_discrete_state(0).GetAtIndex(0):
-            state = self._state_port.Eval(context)
             cable_force(state, *self.line, force)
         return force
 
     def _calc_force(self, context, output) -> None:
-        output.SetFromVector(self._pull(context))
+        force = np.zeros(output.size())
+        force[self._velocities] = self._pull(context, self._state_port.Eval(context)[self._rows])
+        output.SetFromVector(force)
 
     def _calc_wrench(self, context, output) -> None:
-        force, q = self._pull(context), self._state_port.Eval(context)[0:4]
-        output.SetFromVector(np.concatenate([force[3:6], attitude.rotate_back(q, force[0:3])]))
+        state = self._state_port.Eval(context)[self._rows]
+        force = self._pull(context, state)
+        turned_back = attitude.rotate_back(state[0:4], force[0:3])
+        output.SetFromVector(np.concatenate([force[3:6], turned_back]))
 
 
 @compiled
@@ -89,7 +102,7 @@ def cable_force(s, hook, length, stiffness, damping, out):
     """Write the generalized force of a taut cable to out (12,), which comes zeroed.
 
     Args:
-        s: (26,) state of the plant.
+        s: (26,) [q_WB, p_WB, q_WP, p_WP, V_WB, V_WP] of the plant.
         hook: (3,) p_BoTo_B [m].
         length: unstretched [m].
         stiffness: [N/m].

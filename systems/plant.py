@@ -32,10 +32,14 @@ _ONCE = 1e9  # period of an event that is to happen once: Drake's scheduled even
 
 
 def make_plant(
-    vehicle: Vehicle, payload: PayloadConfig, mass_effects: Sequence[MassEffect] = ()
+    vehicle: Vehicle,
+    payload: PayloadConfig,
+    mass_effects: Sequence[MassEffect] = (),
+    *,
+    add_bodies: Callable[[MultibodyPlant], None] | None = None,
 ) -> MultibodyPlant:
     """Return a continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no
-    tether, `payload`.
+    tether, `payload`, and those of `add_bodies`.
 
     The air brakes a payload on a cable by the damping of its floating joint.
 
@@ -54,6 +58,8 @@ def make_plant(
         offset = RigidTransform([0.0, 0.0, payload.length])
         F = plant.AddFrame(FixedOffsetFrame("rod_top", P.body_frame(), offset))
         plant.AddJoint(UniversalJoint("rod", T, F))
+    if add_bodies is not None:
+        add_bodies(plant)
     plant.Finalize()
     return plant
 
@@ -129,6 +135,15 @@ def set_payload_mass(
     """Replace the payload's mass [kg] in the plant's context; `payload` gives its shape."""
     inertia = sphere(dc.replace(payload, mass=mass))
     plant.GetBodyByName("payload").SetSpatialInertiaInBodyFrame(context, inertia)
+
+
+def places_of_pair(plant: MultibodyPlant) -> tuple[np.ndarray, np.ndarray]:
+    """Return where poses (14,) and velocities (12,) of the free bodies `quadrotor` and `payload`
+    stand in the plant's positions and velocities, whatever other bodies it has.
+    """
+    joints = [plant.GetJointByName(name) for name in ("quadrotor", "payload")]
+    q = np.concatenate([joint.position_start() + np.arange(7) for joint in joints])
+    return q, np.concatenate([joint.velocity_start() + np.arange(6) for joint in joints])
 
 
 def declare_event_at(system: LeafSystem, time: float, update: Update) -> None:

@@ -2,14 +2,14 @@
 out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Adder, ConstantVectorSource
+from pydrake.systems.primitives import Adder
 
 from np_drake.checks import require
 from np_drake.effects.base import ActuatorEffect, MassEffect, WrenchEffect
@@ -31,7 +31,7 @@ from systems.plant import (
 from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
 from systems.rotors import add_rotors
 from systems.vehicle_forces import SteadyEffects, add_vehicle_forces
-from systems.wrench_effects import WrenchEffects
+from systems.wrench_effects import ExternalForces, WrenchEffects
 
 
 def make_tethered_quadrotor(
@@ -45,6 +45,7 @@ def make_tethered_quadrotor(
     onsets: Onsets = NO_ONSETS,
     hangs_at: float = 0.0,
     events: Sequence[PayloadEvent] = (),
+    add_bodies: Callable[[MultibodyPlant], None] | None = None,
 ) -> Diagram:
     """Return the real vehicle as one Diagram, hovering at rest at the world origin by default.
 
@@ -59,10 +60,14 @@ def make_tethered_quadrotor(
         onsets: when effects begin that do not act from the start [s].
         hangs_at: when the payload is hung on the cable; it has fallen freely until then [s].
         events: of a payload on a cable.
+        add_bodies: adds bodies of one's own, on joints to `quadrotor` or `payload`, before the
+            plant is finalized.
 
     | port | size | meaning | unit |
     |---|---|---|---|
     | u (in) | 4 | commanded [f_u, tau_m]; saturated in rotor space | N, N·m |
+    | external_wrench (in) | 6 | on B, chi order; unconnected: zero | N, N·m |
+    | payload_force (in) | 3 | on the payload in W (with one only); unconnected: zero | N |
     | x | 13 | true state [p_WB, q_WB, v_WB, w_WB_B] | |
     | acceleration | 6 | true [a in W, al in B] | m/s², rad/s² |
     | rotor_thrust | 4 | actual rotor thrust | N |
@@ -86,23 +91,23 @@ def make_tethered_quadrotor(
     )
     builder = DiagramBuilder()
     first = acting(mass_effects, onsets, 0.0)
-    plant = builder.AddSystem(make_plant(vehicle, payload, first))
+    plant = builder.AddSystem(make_plant(vehicle, payload, first, add_bodies=add_bodies))
     state = builder.AddNamedSystem("state", VehicleState(plant))
     builder.Connect(plant.get_state_output_port(), state.get_input_port())
-    carried = mass_properties(vehicle, first).mass
-    carried += payload.mass if payload.tether != "none" and hangs_at <= 0.0 else 0.0
+    carried = plant.CalcTotalMass(plant.CreateDefaultContext())
+    carried -= payload.mass if payload.tether != "none" and hangs_at > 0.0 else 0.0
     start: dict[str, Any] = {
         "hover_thrust": np.full(4, carried * vehicle.gravity / 4),
         "command_period": command_period,
     }
     cable = None
     if payload.tether == "cable":
-        cable = builder.AddNamedSystem("cable", _make_cable(payload, hangs_at, events))
+        cable = builder.AddNamedSystem("cable", _make_cable(plant, payload, hangs_at, events))
         builder.Connect(plant.get_state_output_port(), cable.get_input_port())
     changes = _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, events)
     steady = (
         SteadyEffects.of(vehicle, actuator_effects, wrench_effects, onsets)
-        if payload.tether != "rod"
+        if payload.tether != "rod" and add_bodies is None
         else None
     )
     if steady is not None:
@@ -114,7 +119,7 @@ def make_tethered_quadrotor(
             builder, vehicle, wrench_effects, onsets, plant=plant, state=state, rotors=rotors
         )
         forces += [] if cable is None else [cable.GetOutputPort("generalized_force")]
-    force = _sum_forces(builder, plant, forces) if forces or changes else None
+    force = _sum_forces(builder, plant, [*forces, _add_external(builder, plant)])
     if changes:
         change = builder.AddNamedSystem("mass_change", MassChange(plant, vehicle, changes))
         builder.Connect(plant.get_state_output_port(), change.GetInputPort("plant_state"))
@@ -122,8 +127,7 @@ def make_tethered_quadrotor(
             builder.Connect(rotors.thrust, change.GetInputPort("rotor_thrust"))
         builder.Connect(force, change.GetInputPort("generalized_force"))
         force = change.get_output_port()
-    if force is not None:
-        builder.Connect(force, plant.get_applied_generalized_force_input_port())
+    builder.Connect(force, plant.get_applied_generalized_force_input_port())
     acceleration = builder.AddNamedSystem("acceleration", BodyAcceleration(plant))
     builder.Connect(plant.get_state_output_port(), acceleration.GetInputPort("plant_state"))
     builder.Connect(
@@ -149,8 +153,9 @@ def make_tethered_quadrotor(
     return diagram
 
 
-def _make_cable(payload: PayloadConfig, hangs_at: float, events: Sequence[PayloadEvent]) -> Cable:
+def _make_cable(plant, payload, hangs_at, events) -> Cable:
     return Cable(
+        plant,
         length=payload.length,
         hook=payload.hook,
         stiffness=payload.stiffness,
@@ -158,6 +163,16 @@ def _make_cable(payload: PayloadConfig, hangs_at: float, events: Sequence[Payloa
         tied_at=hangs_at,
         cut_at=min((event.time for event in events if event.kind == "release"), default=np.inf),
     )
+
+
+def _add_external(builder: DiagramBuilder, plant: MultibodyPlant) -> OutputPort:
+    """Add and export the ports of forces from outside; return their generalized force."""
+    external = builder.AddNamedSystem("external_forces", ExternalForces(plant))
+    state, *pushes = [external.get_input_port(i) for i in range(external.num_input_ports())]
+    builder.Connect(plant.get_state_output_port(), state)
+    for port in pushes:
+        builder.ExportInput(port, port.get_name())
+    return external.get_output_port()
 
 
 def _add_effects(
@@ -213,11 +228,6 @@ def _sum_forces(
     builder: DiagramBuilder, plant: MultibodyPlant, forces: list[OutputPort]
 ) -> OutputPort:
     """Return the port of the sum of generalized forces."""
-    if len(forces) == 1:
-        return forces[0]
-    if not forces:
-        none = ConstantVectorSource(np.zeros(plant.num_velocities()))
-        return builder.AddNamedSystem("no_force", none).get_output_port()
     total = builder.AddNamedSystem("forces", Adder(len(forces), plant.num_velocities()))
     for i, port in enumerate(forces):
         builder.Connect(port, total.get_input_port(i))

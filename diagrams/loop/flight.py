@@ -202,7 +202,8 @@ class FlightConfig:
             (
                 rotors.max(axis=1),
                 most,
-                f"be within max_rotor_thrust, {most:.3g} N; demands {{:.3g}} N of a rotor for {{:.3g}} m/s²",
+                f"be within max_rotor_thrust, {most:.3g} N; demands {{:.3g}} N of a rotor "
+                "for {:.3g} m/s²",
                 smoother,
             ),
             (
