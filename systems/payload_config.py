@@ -3,6 +3,7 @@ flight.
 """
 
 import dataclasses as dc
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,6 +27,9 @@ class PayloadConfig:
     damping: float = number(40.0, "N·s/m", 0.0)  # of the cable
     # drag of the payload in still air over mass and velocity
     air_damping: float = number(0.0, "1/s", 0.0)
+    rope_mass: float = number(0.0, "kg", 0.0)  # of the cable itself
+    rope_air_damping: float = number(0.0, "1/s", 0.0)  # of the cable itself, as `air_damping`
+    segments: int = number(10, "1", 1, 100)  # point masses of a cable that has mass
 
     def check(self) -> "PayloadConfig":
         """Return self after checking tether and sizes.
@@ -38,7 +42,37 @@ class PayloadConfig:
             f"PayloadConfig: air_damping must be 0 on a rod [1/s]; got "
             f"{self.air_damping}. Use a cable.",
         )
+        require(
+            self.tether == "cable" or not self.rope_mass,
+            f"PayloadConfig: rope_mass must be 0 without a cable [kg]; got {self.rope_mass} and "
+            f"tether {self.tether}.",
+        )
         return self
+
+    @property
+    def piece_damping(self) -> float:
+        """Damping of a piece of a cable with mass [N·s/m], of the ratio of the cable's: the root of
+        stiffness times mass of a piece is that of the whole cable.
+        """
+        return self.damping * math.sqrt(self.rope_mass / self.mass)
+
+    @property
+    def fastest(self) -> tuple[float, float, float]:
+        """Mass, stiffness and damping of what vibrates fastest along the cable [kg, N/m, N·s/m];
+        of point masses Gershgorin's bound.
+        """
+        if not self.rope_mass:
+            return self.mass, self.stiffness, self.damping
+        mass = min(self.rope_mass / self.segments, self.mass)
+        return mass, 6 * self.segments * self.stiffness, 4 * self.piece_damping
+
+    @property
+    def pendulum(self) -> tuple[float, float]:
+        """Mass and length of the payload on a massless cable that swings in the same time
+        [kg, m]: moment of inertia over moment of the weight, about the hook, of a straight rope.
+        """
+        inertia, moment = self.mass + self.rope_mass / 3, self.mass + self.rope_mass / 2
+        return self.mass + self.rope_mass, self.length * inertia / moment
 
 
 def payload_config(effect: SuspendedPayload | None) -> PayloadConfig:

@@ -117,7 +117,8 @@ def set_hover(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p
     plant.SetFreeBodyPose(context, plant.GetBodyByName("quadrotor"), RigidTransform(p_WB))
     if payload.tether != "cable":
         return
-    stretch = payload.mass * -plant.gravity_field().gravity_vector()[2] / payload.stiffness
+    carried = payload.mass + 0.5 * payload.rope_mass
+    stretch = carried * -plant.gravity_field().gravity_vector()[2] / payload.stiffness
     p_WP = p_WB + payload.hook - [0.0, 0.0, payload.length + stretch]
     plant.SetFreeBodyPose(context, plant.GetBodyByName("payload"), RigidTransform(p_WP))
 

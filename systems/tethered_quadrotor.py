@@ -17,7 +17,7 @@ from np_drake.effects.combine import NO_ONSETS, Onsets, acting, mass_properties
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
-from systems.cable import Cable
+from systems.cable import Cable, Rope
 from systems.mass_change import Change, MassChange
 from systems.payload_config import PayloadConfig, PayloadEvent
 from systems.plant import (
@@ -73,6 +73,7 @@ def make_tethered_quadrotor(
     | rotor_thrust | 4 | actual rotor thrust | N |
     | nominal_rotor_thrust | 4 | what nominal rotors would give at the actual rotor speed | N |
     | plant_state | nq + nv | Drake's own | |
+    | rope | 3 n | places of the point masses of a cable with mass, in W | m |
     | tether_wrench | 6 | true wrench of cable or rod on B, chi order (with a payload only) | N, N·m |
 
     `x` and `acceleration` are those of Bo, wherever the centre of mass is.
@@ -89,12 +90,16 @@ def make_tethered_quadrotor(
         "make_tethered_quadrotor: suspended_payload must be a body here, not a wrench effect; "
         "pass payload=payload_config(effect).",
     )
+    require(
+        not payload.rope_mass or hangs_at <= 0.0,
+        f"make_tethered_quadrotor: a cable with mass must hang from the start; got {hangs_at} s.",
+    )
     builder = DiagramBuilder()
     first = acting(mass_effects, onsets, 0.0)
     plant = builder.AddSystem(make_plant(vehicle, payload, first, add_bodies=add_bodies))
     state = builder.AddNamedSystem("state", VehicleState(plant))
     builder.Connect(plant.get_state_output_port(), state.get_input_port())
-    carried = plant.CalcTotalMass(plant.CreateDefaultContext())
+    carried = plant.CalcTotalMass(plant.CreateDefaultContext()) + payload.rope_mass
     carried -= payload.mass if payload.tether != "none" and hangs_at > 0.0 else 0.0
     start: dict[str, Any] = {
         "hover_thrust": np.full(4, carried * vehicle.gravity / 4),
@@ -111,14 +116,17 @@ def make_tethered_quadrotor(
         else None
     )
     if steady is not None:
-        rotors, force = add_vehicle_forces(builder, plant, vehicle, steady, cable, **start)
+        within = None if isinstance(cable, Rope) else cable
+        rotors, force = add_vehicle_forces(builder, plant, vehicle, steady, within, **start)
         forces = [force]
     else:
         rotors = add_rotors(builder, plant, vehicle, actuator_effects, onsets=onsets, **start)
         forces = _add_effects(
             builder, vehicle, wrench_effects, onsets, plant=plant, state=state, rotors=rotors
         )
-        forces += [] if cable is None else [cable.GetOutputPort("generalized_force")]
+        within = None
+    if cable is not within:
+        forces.append(cable.GetOutputPort("generalized_force"))
     force = _sum_forces(builder, plant, [*forces, _add_external(builder, plant)])
     if changes:
         change = builder.AddNamedSystem("mass_change", MassChange(plant, vehicle, changes))
@@ -141,6 +149,8 @@ def make_tethered_quadrotor(
     builder.ExportOutput(plant.get_state_output_port(), "plant_state")
     if cable is not None:
         builder.ExportOutput(cable.GetOutputPort("tether_wrench"), "tether_wrench")
+        if isinstance(cable, Rope):
+            builder.ExportOutput(cable.GetOutputPort("rope"), "rope")
     elif payload.tether == "rod":
         rod = builder.AddNamedSystem("rod_wrench", RodWrench(plant, "rod"))
         builder.Connect(
@@ -154,6 +164,9 @@ def make_tethered_quadrotor(
 
 
 def _make_cable(plant, payload, hangs_at, events) -> Cable:
+    cut_at = min((event.time for event in events if event.kind == "release"), default=np.inf)
+    if payload.rope_mass:
+        return Rope(plant, payload, cut_at=cut_at)
     return Cable(
         plant,
         length=payload.length,
@@ -161,7 +174,7 @@ def _make_cable(plant, payload, hangs_at, events) -> Cable:
         stiffness=payload.stiffness,
         damping=payload.damping,
         tied_at=hangs_at,
-        cut_at=min((event.time for event in events if event.kind == "release"), default=np.inf),
+        cut_at=cut_at,
     )
 
 

@@ -102,17 +102,18 @@ class VehicleForces(LeafSystem):
     No state.
     """  # noqa: E501
 
-    def __init__(self, vehicle: Vehicle, effects: SteadyEffects, cable: Cable | None):
+    def __init__(self, vehicle: Vehicle, effects: SteadyEffects, cable: Cable | None, size: int):
         """Declare ports.
 
         Args:
             vehicle: nominal.
             effects: that act on it.
-            cable: on which the only other body hangs; None: there is none.
+            cable: without mass, on which the only other body hangs; None: there is none.
+            size: nv of the plant [1].
         """
         super().__init__()
         self._vehicle, self._lag, self._scale = vehicle, effects.lag, effects.scale
-        self._size = 6 if cable is None else 12
+        self._size = size
         hover = float(np.sqrt(vehicle.mass * vehicle.gravity / 4))
         rotors = (
             vehicle.thrust_coefficient,
@@ -229,14 +230,16 @@ def add_vehicle_forces(
         plant: with the body `quadrotor`, and a `payload` on the cable.
         vehicle: nominal.
         effects: that act on it.
-        cable: of the diagram.
+        cable: of the diagram, if it has no mass.
         hover_thrust: (4,) at which delayed commands and lagging rotors start [N].
         command_period: see `CommandBuffer` [s].
     """
     command = add_commanded_thrust(
         builder, vehicle, effects.chain, hover_thrust=hover_thrust, command_period=command_period
     )
-    forces = builder.AddNamedSystem("vehicle_forces", VehicleForces(vehicle, effects, cable))
+    forces = builder.AddNamedSystem(
+        "vehicle_forces", VehicleForces(vehicle, effects, cable, plant.num_velocities())
+    )
     speed = add_rotor_lag(
         builder, vehicle, effects.lag, forces.GetOutputPort("target"), hover_thrust=hover_thrust
     )

@@ -144,9 +144,11 @@ class FlightConfig:
             "it has none.",
         )
         oracle, longest = kind == "oracle", LONGEST_DELAY * self.controller.period
+        payload = self.reality.payload
         require(
-            not oracle or self.reality.payload.tether != "rod",
-            "FlightConfig: the oracle knows cable and no tether; got a rod.",
+            not oracle or (payload.tether != "rod" and not payload.rope_mass),
+            "FlightConfig: the oracle knows a cable without mass and no tether; got a rod or "
+            "rope_mass.",
         )
         require(
             not oracle or self.reality.dead_time <= longest,
@@ -237,7 +239,7 @@ class FlightConfig:
         """Mass of quadrotor and payload [kg]."""
         payload = self.reality.hung
         own = mass_properties(self.vehicle, self.reality.mass_effects()).mass
-        return own + (payload.mass if payload.tether != "none" else 0.0)
+        return own + (payload.mass + payload.rope_mass if payload.tether != "none" else 0.0)
 
     @property
     def lift(self) -> float:
@@ -259,8 +261,9 @@ class FlightConfig:
         payload, rates = self.reality.hung, [1e-3]
         if payload.tether == "cable":
             turning = np.sum(np.square(payload.hook)) / np.linalg.eigvalsh(self.vehicle.J)[0]
-            reduced = 1 / (1 / payload.mass + float(1 / self.vehicle.mass + turning))
-            rates += [np.sqrt(payload.stiffness / reduced), payload.damping / reduced]
+            mass, stiffness, damping = payload.fastest
+            reduced = 1 / (1 / mass + float(1 / self.vehicle.mass + turning))
+            rates += [np.sqrt(stiffness / reduced), damping / reduced]
         rates += [
             1 / lag for lag in (*self.reality.lags, self.vehicle.rotor_time_constant) if lag > 0
         ]

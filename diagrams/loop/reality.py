@@ -173,7 +173,7 @@ class RealityConfig:
         """Return all effects, a payload among them; the noise of sensors is none."""
         payload, hung = self._payload_effect, self.hung
         if payload is None and hung.tether != "none":
-            payload = library.SuspendedPayload(hung.mass, hung.length, *hung.hook, hung.air_damping)
+            payload = library.SuspendedPayload(*hung.pendulum, *hung.hook, hung.air_damping)
         found: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]
         found += [*self.wrench_effects(), *([payload] if payload else [])]
         return [*found, *split_effects(self.added).measurement]
