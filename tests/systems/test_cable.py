@@ -179,18 +179,34 @@ def test_a_rope_between_two_fixed_ends_comes_to_rest_in_the_catenary():
 
 
 def test_the_rope_pulls_on_its_ends_as_on_its_masses_against_them():
-    dut, context, state = rope_of(ROPE)
+    payload = dc.replace(ROPE, hook=[0.03, -0.02, -0.1])
+    dut, context, state = rope_of(payload)
     rng = np.random.default_rng(0)
     nodes = context.get_continuous_state_vector().CopyToVector()
-    context.SetContinuousState(nodes + 1e-3 * rng.standard_normal(len(nodes)))
-    state[14:26] = rng.standard_normal(12)
+    context.SetContinuousState(1.03 * nodes + 1e-3 * rng.standard_normal(len(nodes)))
+    state[14:26] = 0.1 * rng.standard_normal(12)
     dut.GetInputPort("plant_state").FixValue(context, state)
     force = dut.GetOutputPort("generalized_force").Eval(context)
-    rates = dut.EvalTimeDerivatives(context).CopyToVector().reshape(-1, 6)[:, 3:]
-    pulls = 0.1 / 20 * (rates + [0.0, 0.0, 9.81])
-    assert np.abs(force).max() > 1.0
+    rates, a = np.hsplit(dut.EvalTimeDerivatives(context).CopyToVector().reshape(-1, 6), 2)
+    pulls = 0.1 / 20 * (a + [0.0, 0.0, 9.81])
+    v = context.get_continuous_state_vector().CopyToVector().reshape(-1, 6)[:, 3:]
+    np.testing.assert_allclose(rates, v - state[17:20])  # places are counted from Bo
+    assert np.abs(force[3:6]).min() > 0.1  # [N]; the first piece is taut
     np.testing.assert_allclose(force[3:6] + force[9:12] + pulls.sum(axis=0), 0.0, atol=1e-9)
-    np.testing.assert_allclose(force[:3], np.cross([0.0, 0.0, -0.1], force[3:6]), atol=1e-12)
+    np.testing.assert_allclose(force[:3], np.cross(payload.hook, force[3:6]), atol=1e-12)
+
+
+def test_a_rope_that_turns_with_the_quadrotor_as_one_body_is_not_damped():
+    dut, context, state = rope_of(dc.replace(ROPE, hook=[0.03, -0.02, -0.1]))
+    nodes = context.get_continuous_state_vector().CopyToVector().reshape(-1, 6)
+    still = dut.GetOutputPort("generalized_force").Eval(context).copy()
+    w, v = np.array([0.3, -0.2, 0.1]), np.array([1.0, 2.0, -1.0])
+    nodes[:, 3:] = v + np.cross(w, nodes[:, :3])
+    state[14:26] = [*w, *v, *w, *(v + np.cross(w, state[11:14] - state[4:7]))]
+    context.SetContinuousState(nodes.ravel())
+    dut.GetInputPort("plant_state").FixValue(context, state)
+    found = dut.GetOutputPort("generalized_force").Eval(context)
+    np.testing.assert_allclose(found, still, atol=1e-9)  # [N, N·m]
 
 
 def flown(payload, seconds, **options):
