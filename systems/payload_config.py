@@ -68,11 +68,12 @@ class PayloadConfig:
 
     @property
     def pendulum(self) -> tuple[float, float]:
-        """Mass and length of the payload on a massless cable that swings in the same time
-        [kg, m]: moment of inertia over moment of the weight, about the hook, of a straight rope.
+        """Mass and length of the payload on a cable without mass that pulls as this one, which
+        swings straight: S²/I and I/S [kg, m], with moment S and moment of inertia I about the hook.
+        The rest of the mass rides on the hook.
         """
-        inertia, moment = self.mass + self.rope_mass / 3, self.mass + self.rope_mass / 2
-        return self.mass + self.rope_mass, self.length * inertia / moment
+        S, I = self.mass + self.rope_mass / 2, self.mass + self.rope_mass / 3
+        return S**2 / I, self.length * I / S
 
 
 def payload_config(effect: SuspendedPayload | None) -> PayloadConfig:
