@@ -50,21 +50,29 @@ class PayloadConfig:
         return self
 
     @property
-    def piece_damping(self) -> float:
-        """Damping of a piece of a cable with mass [N·s/m], of the ratio of the cable's: the root of
-        stiffness times mass of a piece is that of the whole cable.
+    def pieces(self) -> np.ndarray:
+        """Length, stiffness and damping of the pieces of the cable between hook, point masses and
+        payload (n + 1, 3) [m, N/m, N·s/m].
+
+        Stiffness as of equal material; damping of the ratio of cable and payload, which a piece of
+        equal material would exceed by far.
         """
-        return self.damping * math.sqrt(self.rope_mass / self.mass)
+        if not self.rope_mass:
+            return np.array([[self.length, self.stiffness, self.damping]])
+        length = np.full(self.segments + 1, self.length / self.segments)
+        length[[0, -1]] /= 2
+        damping = np.full_like(length, self.damping * math.sqrt(self.rope_mass / self.mass))
+        return np.column_stack([length, self.stiffness * self.length / length, damping])
 
     @property
     def fastest(self) -> tuple[float, float, float]:
         """Mass, stiffness and damping of what vibrates fastest along the cable [kg, N/m, N·s/m];
         of point masses Gershgorin's bound.
         """
+        _, stiffness, damping = self.pieces.max(axis=0)
         if not self.rope_mass:
-            return self.mass, self.stiffness, self.damping
-        mass = min(self.rope_mass / self.segments, self.mass)
-        return mass, 6 * self.segments * self.stiffness, 4 * self.piece_damping
+            return self.mass, stiffness, damping
+        return min(self.rope_mass / self.segments, self.mass), 3 * stiffness, 4 * damping
 
     @property
     def pendulum(self) -> tuple[float, float]:

@@ -105,7 +105,7 @@ def make_tethered_quadrotor(
         "hover_thrust": np.full(4, carried * vehicle.gravity / 4),
         "command_period": command_period,
     }
-    cable = None
+    cable = within = None  # a cable without mass is within the compiled forces
     if payload.tether == "cable":
         cable = builder.AddNamedSystem("cable", _make_cable(plant, payload, hangs_at, events))
         builder.Connect(plant.get_state_output_port(), cable.get_input_port())
@@ -116,7 +116,7 @@ def make_tethered_quadrotor(
         else None
     )
     if steady is not None:
-        within = None if isinstance(cable, Rope) else cable
+        within = None if payload.rope_mass else cable
         rotors, force = add_vehicle_forces(builder, plant, vehicle, steady, within, **start)
         forces = [force]
     else:
@@ -124,10 +124,9 @@ def make_tethered_quadrotor(
         forces = _add_effects(
             builder, vehicle, wrench_effects, onsets, plant=plant, state=state, rotors=rotors
         )
-        within = None
-    if cable is not within:
+    if cable is not None and cable is not within:
         forces.append(cable.GetOutputPort("generalized_force"))
-    force = _sum_forces(builder, plant, [*forces, _add_external(builder, plant)])
+    force = _sum_forces(builder, plant, forces)
     if changes:
         change = builder.AddNamedSystem("mass_change", MassChange(plant, vehicle, changes))
         builder.Connect(plant.get_state_output_port(), change.GetInputPort("plant_state"))
@@ -149,7 +148,7 @@ def make_tethered_quadrotor(
     builder.ExportOutput(plant.get_state_output_port(), "plant_state")
     if cable is not None:
         builder.ExportOutput(cable.GetOutputPort("tether_wrench"), "tether_wrench")
-        if isinstance(cable, Rope):
+        if payload.rope_mass:
             builder.ExportOutput(cable.GetOutputPort("rope"), "rope")
     elif payload.tether == "rod":
         rod = builder.AddNamedSystem("rod_wrench", RodWrench(plant, "rod"))
@@ -167,25 +166,7 @@ def _make_cable(plant, payload, hangs_at, events) -> Cable:
     cut_at = min((event.time for event in events if event.kind == "release"), default=np.inf)
     if payload.rope_mass:
         return Rope(plant, payload, cut_at=cut_at)
-    return Cable(
-        plant,
-        length=payload.length,
-        hook=payload.hook,
-        stiffness=payload.stiffness,
-        damping=payload.damping,
-        tied_at=hangs_at,
-        cut_at=cut_at,
-    )
-
-
-def _add_external(builder: DiagramBuilder, plant: MultibodyPlant) -> OutputPort:
-    """Add and export the ports of forces from outside; return their generalized force."""
-    external = builder.AddNamedSystem("external_forces", ExternalForces(plant))
-    state, *pushes = [external.get_input_port(i) for i in range(external.num_input_ports())]
-    builder.Connect(plant.get_state_output_port(), state)
-    for port in pushes:
-        builder.ExportInput(port, port.get_name())
-    return external.get_output_port()
+    return Cable(plant, payload, tied_at=hangs_at, cut_at=cut_at)
 
 
 def _add_effects(
@@ -240,8 +221,15 @@ def _declare_events(
 def _sum_forces(
     builder: DiagramBuilder, plant: MultibodyPlant, forces: list[OutputPort]
 ) -> OutputPort:
-    """Return the port of the sum of generalized forces."""
-    total = builder.AddNamedSystem("forces", Adder(len(forces), plant.num_velocities()))
-    for i, port in enumerate(forces):
+    """Return the port of the sum of generalized forces and of those from outside, whose ports are
+    exported.
+    """
+    external = builder.AddNamedSystem("external_forces", ExternalForces(plant))
+    builder.Connect(plant.get_state_output_port(), external.get_input_port(0))
+    for i in range(1, external.num_input_ports()):
+        port = external.get_input_port(i)
+        builder.ExportInput(port, port.get_name())
+    total = builder.AddNamedSystem("forces", Adder(1 + len(forces), plant.num_velocities()))
+    for i, port in enumerate([*forces, external.get_output_port()]):
         builder.Connect(port, total.get_input_port(i))
     return total.get_output_port()

@@ -41,8 +41,8 @@ def span(state: np.ndarray, after: float) -> float:
 
 
 def force_of(state: np.ndarray, hook: np.ndarray = HOOK) -> np.ndarray:
-    force = np.zeros(12)
-    cable_force(state, hook, LENGTH, STIFFNESS, DAMPING, force)
+    force, pieces = np.zeros(12), np.array([[LENGTH, STIFFNESS, DAMPING]])
+    cable_force(state, np.empty((0, 6)), 1.0, hook, pieces, force, np.empty((0, 3)))
     return force
 
 
