@@ -9,7 +9,7 @@ from pydrake.systems.framework import BasicVector, LeafSystem
 from np_drake import attitude
 from np_drake.compiled import compiled, turned
 from systems.payload_config import PayloadConfig
-from systems.plant import declare_event_at, places_of_pair, setting
+from systems.plant import declare_event_at, setting
 
 
 class Cable(LeafSystem):
@@ -57,7 +57,10 @@ class Cable(LeafSystem):
         """
         super().__init__()
         self.line = np.array(payload.hook, float), payload.pieces
-        q, self._velocities = places_of_pair(plant)
+        # where the pair stands in the plant's velocities and state, whatever other bodies there are
+        pair = [plant.GetJointByName(name) for name in ("quadrotor", "payload")]
+        q = np.concatenate([joint.position_start() + np.arange(7) for joint in pair])
+        self._velocities = np.concatenate([j.velocity_start() + np.arange(6) for j in pair])
         self._rows = np.concatenate([q, plant.num_positions() + self._velocities])
         size = plant.num_velocities()
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
@@ -115,8 +118,8 @@ class Rope(Cable):
     rest under a level quadrotor. All else as of `Cable`, arguments too.
     """
 
-    def __init__(self, plant: MultibodyPlant, payload: PayloadConfig, *, cut_at: float = np.inf):
-        super().__init__(plant, payload, cut_at=cut_at)
+    def __init__(self, plant: MultibodyPlant, payload: PayloadConfig, **events: float):
+        super().__init__(plant, payload, **events)
         n, M = payload.segments, payload.rope_mass
         self._mass, self._brake = M / n, payload.rope_air_damping
         self._gravity = plant.gravity_field().gravity_vector()

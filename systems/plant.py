@@ -138,15 +138,6 @@ def set_payload_mass(
     plant.GetBodyByName("payload").SetSpatialInertiaInBodyFrame(context, inertia)
 
 
-def places_of_pair(plant: MultibodyPlant) -> tuple[np.ndarray, np.ndarray]:
-    """Return where poses (14,) and velocities (12,) of the free bodies `quadrotor` and `payload`
-    stand in the plant's positions and velocities, whatever other bodies it has.
-    """
-    joints = [plant.GetJointByName(name) for name in ("quadrotor", "payload")]
-    q = np.concatenate([joint.position_start() + np.arange(7) for joint in joints])
-    return q, np.concatenate([joint.velocity_start() + np.arange(6) for joint in joints])
-
-
 def declare_event_at(system: LeafSystem, time: float, update: Update) -> None:
     """Declare an unrestricted update of `system` at one time, at which a step of the integrator
     ends; nothing where it is infinite or not after the start.

@@ -107,7 +107,11 @@ def make_tethered_quadrotor(
     }
     cable = within = None  # a cable without mass is within the compiled forces
     if payload.tether == "cable":
-        cable = builder.AddNamedSystem("cable", _make_cable(plant, payload, hangs_at, events))
+        cut_at = min((event.time for event in events if event.kind == "release"), default=np.inf)
+        kind = Rope if payload.rope_mass else Cable
+        cable = builder.AddNamedSystem(
+            "cable", kind(plant, payload, tied_at=hangs_at, cut_at=cut_at)
+        )
         builder.Connect(plant.get_state_output_port(), cable.get_input_port())
     changes = _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, events)
     steady = (
@@ -160,13 +164,6 @@ def make_tethered_quadrotor(
     diagram = builder.Build()
     diagram.set_name("tethered_quadrotor")
     return diagram
-
-
-def _make_cable(plant, payload, hangs_at, events) -> Cable:
-    cut_at = min((event.time for event in events if event.kind == "release"), default=np.inf)
-    if payload.rope_mass:
-        return Rope(plant, payload, cut_at=cut_at)
-    return Cable(plant, payload, tied_at=hangs_at, cut_at=cut_at)
 
 
 def _add_effects(

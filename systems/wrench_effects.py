@@ -57,9 +57,7 @@ class WrenchEffects(LeafSystem):
         require_complete(effects)
         self._vehicle, self._effects, self._onsets = vehicle, list(effects), onsets
         self._reads_rate = any(effect.feels_rotor_rate for effect in effects)
-        self._force = np.zeros(
-            num_velocities
-        )  # workspace; only the first six entries are ever written
+        self._force = np.zeros(num_velocities)  # workspace; its first six entries are written
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
         self._rate_port = self.DeclareVectorInputPort("rotor_rate", 4)
