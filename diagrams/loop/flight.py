@@ -115,12 +115,14 @@ class FlightConfig:
         require(
             scheme in GetIntegrationSchemes() and FINEST_STEP <= step < np.inf,
             f"FlightConfig: simulator must name a scheme of Drake's and a step of at least "
-            f"{FINEST_STEP:g} s; got {scheme}, {step}.",
+            f"{FINEST_STEP:g} s; got {scheme}, {step:.3g}. A softer or heavier cable takes longer "
+            "ones.",
         )
         require(
             self.simulator.use_error_control or step <= self.largest_step,
             f"FlightConfig: simulator.max_step_size must be at most {self.largest_step:.2g} s for "
-            f"this cable and these motors; got {step}. Take a smaller step or error control.",
+            f"this cable and these motors; got {step}. Take a smaller step, a softer "
+            "cable or error control.",
         )
         self._check_track()
         return self
