@@ -3,6 +3,7 @@ flight.
 """
 
 import dataclasses as dc
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,6 +27,9 @@ class PayloadConfig:
     damping: float = number(40.0, "N·s/m", 0.0)  # of the cable
     # drag of the payload in still air over mass and velocity
     air_damping: float = number(0.0, "1/s", 0.0)
+    rope_mass: float = number(0.0, "kg", 0.0)  # of the cable itself
+    rope_air_damping: float = number(0.0, "1/s", 0.0)  # of the cable itself, as `air_damping`
+    segments: int = number(10, "1", 1, 100)  # point masses of a cable that has mass
 
     def check(self) -> "PayloadConfig":
         """Return self after checking tether and sizes.
@@ -38,7 +42,46 @@ class PayloadConfig:
             f"PayloadConfig: air_damping must be 0 on a rod [1/s]; got "
             f"{self.air_damping}. Use a cable.",
         )
+        require(
+            self.tether == "cable" or not self.rope_mass,
+            f"PayloadConfig: rope_mass must be 0 without a cable [kg]; got {self.rope_mass} and "
+            f"tether {self.tether}.",
+        )
         return self
+
+    @property
+    def pieces(self) -> np.ndarray:
+        """Length, stiffness and damping of the pieces of the cable between hook, point masses and
+        payload (n + 1, 3) [m, N/m, N·s/m].
+
+        Stiffness as of equal material; damping of the ratio of cable and payload, which a piece of
+        equal material would exceed by far.
+        """
+        if not self.rope_mass:
+            return np.array([[self.length, self.stiffness, self.damping]])
+        length = np.full(self.segments + 1, self.length / self.segments)
+        length[[0, -1]] /= 2
+        damping = np.full_like(length, self.damping * math.sqrt(self.rope_mass / self.mass))
+        return np.column_stack([length, self.stiffness * self.length / length, damping])
+
+    @property
+    def fastest(self) -> tuple[float, float, float]:
+        """Mass, stiffness and damping of what vibrates fastest along the cable [kg, N/m, N·s/m];
+        of point masses Gershgorin's bound.
+        """
+        _, stiffness, damping = self.pieces.max(axis=0)
+        if not self.rope_mass:
+            return self.mass, stiffness, damping
+        return min(self.rope_mass / self.segments, self.mass), 3 * stiffness, 4 * damping
+
+    @property
+    def pendulum(self) -> tuple[float, float]:
+        """Mass and length of the payload on a cable without mass that pulls as this one, which
+        swings straight: S²/I and I/S [kg, m], with moment S and moment of inertia I about the hook.
+        The rest of the mass rides on the hook.
+        """
+        S, I = self.mass + self.rope_mass / 2, self.mass + self.rope_mass / 3
+        return S**2 / I, self.length * I / S
 
 
 def payload_config(effect: SuspendedPayload | None) -> PayloadConfig:

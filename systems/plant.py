@@ -32,10 +32,14 @@ _ONCE = 1e9  # period of an event that is to happen once: Drake's scheduled even
 
 
 def make_plant(
-    vehicle: Vehicle, payload: PayloadConfig, mass_effects: Sequence[MassEffect] = ()
+    vehicle: Vehicle,
+    payload: PayloadConfig,
+    mass_effects: Sequence[MassEffect] = (),
+    *,
+    add_bodies: Callable[[MultibodyPlant], None] | None = None,
 ) -> MultibodyPlant:
     """Return a continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no
-    tether, `payload`.
+    tether, `payload`, and those of `add_bodies`.
 
     The air brakes a payload on a cable by the damping of its floating joint.
 
@@ -54,6 +58,8 @@ def make_plant(
         offset = RigidTransform([0.0, 0.0, payload.length])
         F = plant.AddFrame(FixedOffsetFrame("rod_top", P.body_frame(), offset))
         plant.AddJoint(UniversalJoint("rod", T, F))
+    if add_bodies is not None:
+        add_bodies(plant)
     plant.Finalize()
     return plant
 
@@ -111,7 +117,8 @@ def set_hover(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p
     plant.SetFreeBodyPose(context, plant.GetBodyByName("quadrotor"), RigidTransform(p_WB))
     if payload.tether != "cable":
         return
-    stretch = payload.mass * -plant.gravity_field().gravity_vector()[2] / payload.stiffness
+    carried = payload.mass + 0.5 * payload.rope_mass
+    stretch = carried * -plant.gravity_field().gravity_vector()[2] / payload.stiffness
     p_WP = p_WB + payload.hook - [0.0, 0.0, payload.length + stretch]
     plant.SetFreeBodyPose(context, plant.GetBodyByName("payload"), RigidTransform(p_WP))
 

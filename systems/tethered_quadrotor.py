@@ -2,14 +2,14 @@
 out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Adder, ConstantVectorSource
+from pydrake.systems.primitives import Adder
 
 from np_drake.checks import require
 from np_drake.effects.base import ActuatorEffect, MassEffect, WrenchEffect
@@ -17,7 +17,7 @@ from np_drake.effects.combine import NO_ONSETS, Onsets, acting, mass_properties
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
-from systems.cable import Cable
+from systems.cable import Cable, Rope
 from systems.mass_change import Change, MassChange
 from systems.payload_config import PayloadConfig, PayloadEvent
 from systems.plant import (
@@ -31,7 +31,7 @@ from systems.plant import (
 from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
 from systems.rotors import add_rotors
 from systems.vehicle_forces import SteadyEffects, add_vehicle_forces
-from systems.wrench_effects import WrenchEffects
+from systems.wrench_effects import ExternalForces, WrenchEffects
 
 
 def make_tethered_quadrotor(
@@ -45,6 +45,7 @@ def make_tethered_quadrotor(
     onsets: Onsets = NO_ONSETS,
     hangs_at: float = 0.0,
     events: Sequence[PayloadEvent] = (),
+    add_bodies: Callable[[MultibodyPlant], None] | None = None,
 ) -> Diagram:
     """Return the real vehicle as one Diagram, hovering at rest at the world origin by default.
 
@@ -59,15 +60,20 @@ def make_tethered_quadrotor(
         onsets: when effects begin that do not act from the start [s].
         hangs_at: when the payload is hung on the cable; it has fallen freely until then [s].
         events: of a payload on a cable.
+        add_bodies: adds bodies of one's own, on joints to `quadrotor` or `payload`, before the
+            plant is finalized.
 
     | port | size | meaning | unit |
     |---|---|---|---|
     | u (in) | 4 | commanded [f_u, tau_m]; saturated in rotor space | N, N·m |
+    | external_wrench (in) | 6 | on B, chi order; unconnected: zero | N, N·m |
+    | payload_force (in) | 3 | on the payload in W (with one only); unconnected: zero | N |
     | x | 13 | true state [p_WB, q_WB, v_WB, w_WB_B] | |
     | acceleration | 6 | true [a in W, al in B] | m/s², rad/s² |
     | rotor_thrust | 4 | actual rotor thrust | N |
     | nominal_rotor_thrust | 4 | what nominal rotors would give at the actual rotor speed | N |
     | plant_state | nq + nv | Drake's own | |
+    | rope | 3 n | places of the point masses of a cable with mass, in W | m |
     | tether_wrench | 6 | true wrench of cable or rod on B, chi order (with a payload only) | N, N·m |
 
     `x` and `acceleration` are those of Bo, wherever the centre of mass is.
@@ -84,37 +90,47 @@ def make_tethered_quadrotor(
         "make_tethered_quadrotor: suspended_payload must be a body here, not a wrench effect; "
         "pass payload=payload_config(effect).",
     )
+    require(
+        not payload.rope_mass or hangs_at <= 0.0,
+        f"make_tethered_quadrotor: a cable with mass must hang from the start; got {hangs_at} s.",
+    )
     builder = DiagramBuilder()
     first = acting(mass_effects, onsets, 0.0)
-    plant = builder.AddSystem(make_plant(vehicle, payload, first))
+    plant = builder.AddSystem(make_plant(vehicle, payload, first, add_bodies=add_bodies))
     state = builder.AddNamedSystem("state", VehicleState(plant))
     builder.Connect(plant.get_state_output_port(), state.get_input_port())
-    carried = mass_properties(vehicle, first).mass
-    carried += payload.mass if payload.tether != "none" and hangs_at <= 0.0 else 0.0
+    carried = plant.CalcTotalMass(plant.CreateDefaultContext()) + payload.rope_mass
+    carried -= payload.mass if payload.tether != "none" and hangs_at > 0.0 else 0.0
     start: dict[str, Any] = {
         "hover_thrust": np.full(4, carried * vehicle.gravity / 4),
         "command_period": command_period,
     }
-    cable = None
+    cable = within = None  # a cable without mass is within the compiled forces
     if payload.tether == "cable":
-        cable = builder.AddNamedSystem("cable", _make_cable(payload, hangs_at, events))
+        cut_at = min((event.time for event in events if event.kind == "release"), default=np.inf)
+        kind = Rope if payload.rope_mass else Cable
+        cable = builder.AddNamedSystem(
+            "cable", kind(plant, payload, tied_at=hangs_at, cut_at=cut_at)
+        )
         builder.Connect(plant.get_state_output_port(), cable.get_input_port())
     changes = _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, events)
     steady = (
         SteadyEffects.of(vehicle, actuator_effects, wrench_effects, onsets)
-        if payload.tether != "rod"
+        if payload.tether != "rod" and add_bodies is None
         else None
     )
     if steady is not None:
-        rotors, force = add_vehicle_forces(builder, plant, vehicle, steady, cable, **start)
+        within = None if payload.rope_mass else cable
+        rotors, force = add_vehicle_forces(builder, plant, vehicle, steady, within, **start)
         forces = [force]
     else:
         rotors = add_rotors(builder, plant, vehicle, actuator_effects, onsets=onsets, **start)
         forces = _add_effects(
             builder, vehicle, wrench_effects, onsets, plant=plant, state=state, rotors=rotors
         )
-        forces += [] if cable is None else [cable.GetOutputPort("generalized_force")]
-    force = _sum_forces(builder, plant, forces) if forces or changes else None
+    if cable is not None and cable is not within:
+        forces.append(cable.GetOutputPort("generalized_force"))
+    force = _sum_forces(builder, plant, forces)
     if changes:
         change = builder.AddNamedSystem("mass_change", MassChange(plant, vehicle, changes))
         builder.Connect(plant.get_state_output_port(), change.GetInputPort("plant_state"))
@@ -122,8 +138,7 @@ def make_tethered_quadrotor(
             builder.Connect(rotors.thrust, change.GetInputPort("rotor_thrust"))
         builder.Connect(force, change.GetInputPort("generalized_force"))
         force = change.get_output_port()
-    if force is not None:
-        builder.Connect(force, plant.get_applied_generalized_force_input_port())
+    builder.Connect(force, plant.get_applied_generalized_force_input_port())
     acceleration = builder.AddNamedSystem("acceleration", BodyAcceleration(plant))
     builder.Connect(plant.get_state_output_port(), acceleration.GetInputPort("plant_state"))
     builder.Connect(
@@ -137,6 +152,8 @@ def make_tethered_quadrotor(
     builder.ExportOutput(plant.get_state_output_port(), "plant_state")
     if cable is not None:
         builder.ExportOutput(cable.GetOutputPort("tether_wrench"), "tether_wrench")
+        if payload.rope_mass:
+            builder.ExportOutput(cable.GetOutputPort("rope"), "rope")
     elif payload.tether == "rod":
         rod = builder.AddNamedSystem("rod_wrench", RodWrench(plant, "rod"))
         builder.Connect(
@@ -147,17 +164,6 @@ def make_tethered_quadrotor(
     diagram = builder.Build()
     diagram.set_name("tethered_quadrotor")
     return diagram
-
-
-def _make_cable(payload: PayloadConfig, hangs_at: float, events: Sequence[PayloadEvent]) -> Cable:
-    return Cable(
-        length=payload.length,
-        hook=payload.hook,
-        stiffness=payload.stiffness,
-        damping=payload.damping,
-        tied_at=hangs_at,
-        cut_at=min((event.time for event in events if event.kind == "release"), default=np.inf),
-    )
 
 
 def _add_effects(
@@ -212,13 +218,15 @@ def _declare_events(
 def _sum_forces(
     builder: DiagramBuilder, plant: MultibodyPlant, forces: list[OutputPort]
 ) -> OutputPort:
-    """Return the port of the sum of generalized forces."""
-    if len(forces) == 1:
-        return forces[0]
-    if not forces:
-        none = ConstantVectorSource(np.zeros(plant.num_velocities()))
-        return builder.AddNamedSystem("no_force", none).get_output_port()
-    total = builder.AddNamedSystem("forces", Adder(len(forces), plant.num_velocities()))
-    for i, port in enumerate(forces):
+    """Return the port of the sum of generalized forces and of those from outside, whose ports are
+    exported.
+    """
+    external = builder.AddNamedSystem("external_forces", ExternalForces(plant))
+    builder.Connect(plant.get_state_output_port(), external.get_input_port(0))
+    for i in range(1, external.num_input_ports()):
+        port = external.get_input_port(i)
+        builder.ExportInput(port, port.get_name())
+    total = builder.AddNamedSystem("forces", Adder(1 + len(forces), plant.num_velocities()))
+    for i, port in enumerate([*forces, external.get_output_port()]):
         builder.Connect(port, total.get_input_port(i))
     return total.get_output_port()

@@ -102,24 +102,25 @@ class VehicleForces(LeafSystem):
     No state.
     """  # noqa: E501
 
-    def __init__(self, vehicle: Vehicle, effects: SteadyEffects, cable: Cable | None):
+    def __init__(self, vehicle: Vehicle, effects: SteadyEffects, cable: Cable | None, size: int):
         """Declare ports.
 
         Args:
             vehicle: nominal.
             effects: that act on it.
-            cable: on which the only other body hangs; None: there is none.
+            cable: without mass, on which the only other body hangs; None: there is none.
+            size: nv of the plant [1].
         """
         super().__init__()
         self._vehicle, self._lag, self._scale = vehicle, effects.lag, effects.scale
-        self._size = 6 if cable is None else 12
+        self._size = size
         hover = float(np.sqrt(vehicle.mass * vehicle.gravity / 4))
         rotors = (
             vehicle.thrust_coefficient,
             effects.scale,
             np.ascontiguousarray(vehicle.mixer, float),
         )
-        line = (np.zeros(3), 1.0, 0.0, 0.0) if cable is None else cable.line
+        line = (np.zeros(3), np.zeros((1, 3))) if cable is None else cable.line
         self._constants = (*rotors, effects.drag, hover, *line)
         self._state_port = self.DeclareVectorInputPort("plant_state", 13 * self._size // 6)
         self._command_port = self.DeclareVectorInputPort("command", 4)
@@ -161,7 +162,7 @@ class VehicleForces(LeafSystem):
 
 
 @compiled
-def _total(s, speed, holds, k, scale, mixer, drag, hover, hook, length, stiffness, damping, out):
+def _total(s, speed, holds, k, scale, mixer, drag, hover, hook, pieces, out):
     """Write the generalized force of rotors, drag and a cable that holds to out (6,) or (12,),
     which comes zeroed.
 
@@ -174,10 +175,8 @@ def _total(s, speed, holds, k, scale, mixer, drag, hover, hook, length, stiffnes
         mixer: (4, 4) from thrusts to [f_u, tau_m].
         drag: (3,) coefficients [N·s/m].
         hover: as of `drag_force`.
-        hook: as of `cable_force`, like all that follows.
-        length: [m].
-        stiffness: [N/m].
-        damping: [N·s/m].
+        hook: as of `cable_force`, like the pieces.
+        pieces: (1, 3).
         out: to be written [N·m, N].
     """
     thrust, x, chi = np.empty(4), np.empty(13), np.zeros(6)
@@ -186,7 +185,7 @@ def _total(s, speed, holds, k, scale, mixer, drag, hover, hook, length, stiffnes
     vehicle_state(s, 0, 7 * (len(s) // 13), x)
     drag_force(x, thrust, np.zeros(3), drag[0], drag[1], drag[2], hover, chi)
     if holds:
-        cable_force(s, hook, length, stiffness, damping, out)
+        cable_force(s, np.empty((0, 6)), holds, hook, pieces, out, np.empty((0, 3)))
     _add_rotors(x, thrust, mixer, out)
     for i in range(3):
         out[3 + i] += chi[i]
@@ -229,14 +228,16 @@ def add_vehicle_forces(
         plant: with the body `quadrotor`, and a `payload` on the cable.
         vehicle: nominal.
         effects: that act on it.
-        cable: of the diagram.
+        cable: of the diagram, if it has no mass.
         hover_thrust: (4,) at which delayed commands and lagging rotors start [N].
         command_period: see `CommandBuffer` [s].
     """
     command = add_commanded_thrust(
         builder, vehicle, effects.chain, hover_thrust=hover_thrust, command_period=command_period
     )
-    forces = builder.AddNamedSystem("vehicle_forces", VehicleForces(vehicle, effects, cable))
+    forces = builder.AddNamedSystem(
+        "vehicle_forces", VehicleForces(vehicle, effects, cable, plant.num_velocities())
+    )
     speed = add_rotor_lag(
         builder, vehicle, effects.lag, forces.GetOutputPort("target"), hover_thrust=hover_thrust
     )

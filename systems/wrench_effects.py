@@ -1,8 +1,10 @@
-"""Forces from outside on the body: effects as force and torque, and a push."""
+"""Forces from outside: effects as force and torque on the body, and what a port brings."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import LeafSystem
 
 from np_drake.compiled import compiled, turned
@@ -55,9 +57,7 @@ class WrenchEffects(LeafSystem):
         require_complete(effects)
         self._vehicle, self._effects, self._onsets = vehicle, list(effects), onsets
         self._reads_rate = any(effect.feels_rotor_rate for effect in effects)
-        self._force = np.zeros(
-            num_velocities
-        )  # workspace; only the first six entries are ever written
+        self._force = np.zeros(num_velocities)  # workspace; its first six entries are written
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
         self._rate_port = self.DeclareVectorInputPort("rotor_rate", 4)
@@ -85,6 +85,63 @@ class WrenchEffects(LeafSystem):
         return total_wrench(
             self._vehicle, acting(self._effects, self._onsets, float(motion.t)), motion
         )
+
+
+class ExternalForces(LeafSystem):
+    """Forces of systems of one's own on quadrotor and payload; an unconnected port brings none.
+
+    .. pydrake_system::
+
+        name: ExternalForces
+        input_ports:
+        - plant_state
+        - external_wrench (optional)
+        - payload_force (optional)
+        output_ports:
+        - generalized_force
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | plant_state | nq + nv | Drake's order | |
+    | external_wrench | 6 | chi order: [force at Bo in W, torque in B] | N, N·m |
+    | payload_force | 3 | at the payload's origin, in W (with a payload only) | N |
+    | generalized_force | nv | the sum of J' [torque in W, force in W] of both | N·m, N |
+
+    Args:
+        plant: finalized, with the body `quadrotor`.
+    """
+
+    def __init__(self, plant: MultibodyPlant):
+        super().__init__()
+        self._plant, self._workspace = plant, plant.CreateDefaultContext()
+        self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
+        bodies = {"quadrotor": ("external_wrench", 6), "payload": ("payload_force", 3)}
+        self._pushed = [
+            (plant.GetBodyByName(name), self.DeclareVectorInputPort(*port))
+            for name, port in bodies.items()
+            if plant.HasBodyNamed(name)
+        ]
+        self.DeclareVectorOutputPort(
+            "generalized_force",
+            plant.num_velocities(),
+            self._calc_force,
+            {self.all_input_ports_ticket()},
+        )
+
+    def _calc_force(self, context, output) -> None:
+        plant, workspace = self._plant, self._workspace
+        force, W = np.zeros(plant.num_velocities()), plant.world_frame()
+        for body, port in self._pushed:
+            if port.HasValue(context):
+                plant.SetPositionsAndVelocities(workspace, self._state_port.Eval(context))
+                pushed = np.zeros(6)
+                pushed[: port.size()] = port.Eval(context)
+                torque = plant.EvalBodyPoseInWorld(workspace, body).rotation() @ pushed[3:]
+                J = plant.CalcJacobianSpatialVelocity(
+                    workspace, JacobianWrtVariable.kV, body.body_frame(), np.zeros(3), W, W
+                )
+                force += J.T @ np.concatenate([torque, pushed[:3]])
+        output.SetFromVector(force)
 
 
 @compiled

@@ -33,6 +33,7 @@ RATE = 100.0  # at which a motion is looked at [Hz]
 LOOKS = 1 / RATE  # between two looks at a motion [s]
 MOST_INSTANTS = 200_000  # of a motion that are looked at
 LIFTED = 0.9  # of the rotors' thrust that may hang on them; own choice: the rest steers [1]
+WIDER = "Take a lower speed, a larger track or a longer ramp."  # where it has a name
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
 
 
@@ -114,15 +115,16 @@ class FlightConfig:
         require(
             scheme in GetIntegrationSchemes() and FINEST_STEP <= step < np.inf,
             f"FlightConfig: simulator must name a scheme of Drake's and a step of at least "
-            f"{FINEST_STEP:g} s; got {scheme}, {step}.",
+            f"{FINEST_STEP:g} s; got {scheme}, {step:.3g}. A softer or heavier cable takes longer "
+            "ones.",
         )
         require(
             self.simulator.use_error_control or step <= self.largest_step,
             f"FlightConfig: simulator.max_step_size must be at most {self.largest_step:.2g} s for "
-            f"this cable and these motors; got {step}. Take a smaller step or error control.",
+            f"this cable and these motors; got {step}. Take a smaller step, a softer "
+            "cable or error control.",
         )
-        if self.reference.is_file or self.reference.track == "multisine":
-            self._check_track()
+        self._check_track()
         return self
 
     def _check_controller(self) -> None:
@@ -144,9 +146,11 @@ class FlightConfig:
             "it has none.",
         )
         oracle, longest = kind == "oracle", LONGEST_DELAY * self.controller.period
+        payload = self.reality.payload
         require(
-            not oracle or self.reality.payload.tether != "rod",
-            "FlightConfig: the oracle knows cable and no tether; got a rod.",
+            not oracle or (payload.tether != "rod" and not payload.rope_mass),
+            "FlightConfig: the oracle knows a cable without mass and no tether; got a rod or "
+            "rope_mass.",
         )
         require(
             not oracle or self.reality.dead_time <= longest,
@@ -176,8 +180,10 @@ class FlightConfig:
         thrust = targets(vehicle, flat, np.zeros((len(t), 6)))[1] @ vehicle.unmixer.T
         rotors = thrust / self.reality.thrust_at(self.vehicle, self.end)
         most, speed, tilt = vehicle.max_rotor_thrust, mpc.max_speed, mpc.max_tilt
-        slower = "Take a lower speed, or more time between the rows."
-        smoother = "Take a lower speed, or smoother positions with more digits."
+        own = self.reference.is_file
+        size = np.linalg.norm(flat[2], axis=1)
+        slower = "Take a lower speed, or more time between the rows." if own else WIDER
+        smoother = "Take a lower speed, or smoother positions with more digits." if own else WIDER
         bounds = (
             (
                 -flat[0, :, 2],
@@ -200,7 +206,8 @@ class FlightConfig:
             (
                 rotors.max(axis=1),
                 most,
-                f"be within max_rotor_thrust, {most:.3g} N; demands {{:.3g}} N of a rotor",
+                f"be within max_rotor_thrust, {most:.3g} N; demands {{:.3g}} N of a rotor "
+                "for {:.3g} m/s²",
                 smoother,
             ),
             (
@@ -212,9 +219,9 @@ class FlightConfig:
             (-rotors.min(axis=1), 0.0, "pull no rotor down; demands {:.3g} N of one", smoother),
         )
         for values, bound, what, remedy in bounds:
-            for k in np.flatnonzero(values > bound)[:1]:
-                told = f"must {what.format(values[k])} at {t[k]:.2f} s. {remedy}"
-                raise ValueError(f"{self.reference.track}: {told}")
+            k = int(np.argmax(values))
+            told = f"must {what.format(values[k], size[k])} at {t[k]:.2f} s. {remedy}"
+            require(values[k] <= bound, f"{self.reference.track}: {told}")
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields for another process, Drake's settings of the simulator by name."""
@@ -234,7 +241,7 @@ class FlightConfig:
         """Mass of quadrotor and payload [kg]."""
         payload = self.reality.hung
         own = mass_properties(self.vehicle, self.reality.mass_effects()).mass
-        return own + (payload.mass if payload.tether != "none" else 0.0)
+        return own + (payload.mass + payload.rope_mass if payload.tether != "none" else 0.0)
 
     @property
     def lift(self) -> float:
@@ -256,8 +263,9 @@ class FlightConfig:
         payload, rates = self.reality.hung, [1e-3]
         if payload.tether == "cable":
             turning = np.sum(np.square(payload.hook)) / np.linalg.eigvalsh(self.vehicle.J)[0]
-            reduced = 1 / (1 / payload.mass + float(1 / self.vehicle.mass + turning))
-            rates += [np.sqrt(payload.stiffness / reduced), payload.damping / reduced]
+            mass, stiffness, damping = payload.fastest
+            reduced = 1 / (1 / mass + float(1 / self.vehicle.mass + turning))
+            rates += [np.sqrt(stiffness / reduced), damping / reduced]
         rates += [
             1 / lag for lag in (*self.reality.lags, self.vehicle.rotor_time_constant) if lag > 0
         ]

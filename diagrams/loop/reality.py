@@ -173,8 +173,11 @@ class RealityConfig:
         """Return all effects, a payload among them; the noise of sensors is none."""
         payload, hung = self._payload_effect, self.hung
         if payload is None and hung.tether != "none":
-            payload = library.SuspendedPayload(hung.mass, hung.length, *hung.hook, hung.air_damping)
+            payload = library.SuspendedPayload(*hung.pendulum, *hung.hook, hung.air_damping)
         found: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]
+        if hung.rope_mass:
+            riding = hung.mass + hung.rope_mass - hung.pendulum[0]
+            found.append(library.MassError(riding))
         found += [*self.wrench_effects(), *([payload] if payload else [])]
         return [*found, *split_effects(self.added).measurement]
 

@@ -54,10 +54,10 @@ FLIGHT: dict[str, Any] = {
 # the unit of time.
 PAYLOAD = {
     **dict.fromkeys(("length", "hook", "radius"), LENGTH),
-    "mass": (0, 1, 0, 0),
+    **dict.fromkeys(("mass", "rope_mass"), (0, 1, 0, 0)),
     "stiffness": (0, 1, -2, 0),
     "damping": (0, 1, -1, 0),
-    "air_damping": RATE,
+    **dict.fromkeys(("air_damping", "rope_air_damping"), RATE),
 }
 EVENT = {"time": TIME, "mass": (0, 1, 0, 0), "impulse": (1, 1, -1, 0)}  # of the payload, as above
 

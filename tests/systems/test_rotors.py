@@ -29,7 +29,7 @@ def speeds(times, *effects, onsets=None, start=0.0):
     )
     simulator = Simulator(dut)
     context = simulator.get_mutable_context()
-    port = dut.get_input_port()
+    port = dut.GetInputPort("u")
     port.FixValue(context, [HOVER, 0, 0, 0])
     simulator.AdvanceTo(start)
     port.FixValue(context, [2.25 * HOVER, 0, 0, 0])
@@ -104,7 +104,7 @@ def test_a_thrust_about_the_true_centre_of_mass_hovers():
     x, y, _ = calibration.center_of_mass
     thrust = NOMINAL.unmixer @ [weight, weight * y, -weight * x, 0.0]
     command = thrust / calibration.rotor_gains
-    dut.get_input_port().FixValue(context, NOMINAL.mixer @ command)
+    dut.GetInputPort("u").FixValue(context, NOMINAL.mixer @ command)
     actuators = dut.GetSubsystemByName("actuators")
     actuators.rest_at(actuators.GetMyMutableContextFromRoot(context), command)
     simulator.AdvanceTo(0.5)
@@ -115,7 +115,7 @@ def test_a_thrust_about_the_true_centre_of_mass_hovers():
 @pytest.mark.parametrize("lift, lag", [(1.2, 0.03), (0.8, 0.05)], ids=["up", "down"])
 def test_a_command_arrives_late_and_lags_by_its_direction(lift, lag):
     dut, simulator, context = flying(Calibration(command_delay=0.02, rotor_time_constant_down=0.05))
-    dut.get_input_port().FixValue(context, lift * NOMINAL.hover_input)
+    dut.GetInputPort("u").FixValue(context, lift * NOMINAL.hover_input)
     hover = 0.25 * NOMINAL.mass * NOMINAL.gravity
     simulator.AdvanceTo(0.019)
     np.testing.assert_allclose(read(dut, context, "rotor_thrust"), hover, rtol=1e-6)

@@ -32,7 +32,7 @@ def simulator_of(payload, u=None, p_WB=(0.0, 0.0, 2.0), **effects):
     simulator = Simulator(dut)
     ApplySimulatorConfig(PRECISE, simulator)
     context = simulator.get_mutable_context()
-    dut.get_input_port().FixValue(context, [0, 0, 0, 0] if u is None else u)
+    dut.GetInputPort("u").FixValue(context, [0, 0, 0, 0] if u is None else u)
     plant = dut.GetSubsystemByName("plant")
     plant_context = plant.GetMyMutableContextFromRoot(context)
     set_hover(plant, plant_context, payload, p_WB)

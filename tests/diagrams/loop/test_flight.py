@@ -9,7 +9,7 @@ import pytest
 
 from diagrams.batch.run import FailedRun
 from diagrams.loop.experiments import EXPERIMENTS, load_experiment
-from diagrams.loop.flight import ARENA, FlightConfig, load_flight
+from diagrams.loop.flight import FlightConfig, load_flight
 from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator, recorded
 from diagrams.loop.flight_result import LostVehicle, fly
 from diagrams.loop.reality import RealityConfig
@@ -46,7 +46,7 @@ def test_log_rows_pair_each_command_with_the_acceleration_under_it():
         thrust_scale=1.0,
         noise=MeasurementNoise(0, 0, 0, 0, 0, 0),
     )
-    config = short(reality=reality, ramp=0.5)
+    config = short(reality=reality, ramp=0.6)
     log = fly(config, seed=0).log()
 
     def residual(u):
@@ -98,15 +98,17 @@ def test_without_gap_and_payload_the_nominal_mpc_tracks():
     assert metrics["position_rmse"] < 0.005  # [m]
 
 
-def test_a_vehicle_that_is_lost_is_a_failed_run_and_no_result():
-    for name, value, why in (
-        ("height", 0.01, "flew into the ground before 1"),  # nominal MPC sags under the payload
-        ("radius", 2 * ARENA, "lost the vehicle before 1"),
+def test_a_vehicle_that_is_lost_is_a_failed_run_and_no_result(monkeypatch):
+    for height, arena, why in (
+        (0.01, 50.0, "flew into the ground before 1"),  # nominal MPC sags under the payload
+        (1.6, 1.0, "lost the vehicle before 1"),
     ):
         config = short(duration=1.0)
-        setattr(config.reference, name, value)
+        config.reference.height = height
+        monkeypatch.setattr("diagrams.loop.flight_result.ARENA", arena)
         with pytest.raises(FailedRun, match=f"nominal {why}"):
             fly(config, seed=0)
+    monkeypatch.undo()
     with pytest.raises(LostVehicle, match=r"nominal was off its reference at 1\.0 s") as caught:
         fly(short(duration=1.0), seed=0, tolerance=1e-6)  # [m]
     assert caught.value.signals["t"][-1] == pytest.approx(1.0, abs=0.03)  # [s]; a period

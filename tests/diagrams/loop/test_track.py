@@ -74,6 +74,25 @@ def test_a_track_that_cannot_be_flown_is_refused_in_one_line(tmp_path, monkeypat
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    "fields, message",
+    [
+        # v²/r, while 48 N on 2.26 kg are 21 m/s²
+        (["speed=6", "radius=0.6"], "be within max_rotor_thrust, 12 N; demands 45.1 N of a rotor"),
+        (["speed=6", "radius=0.6"], "for 60 m/s²"),
+        (["speed=2.8", "radius=0.6"], "be within controller.mpc.max_tilt, 0.9 rad"),
+        (["radius=51"], "stay within 50 m of the origin; is 51"),
+    ],
+)
+def test_a_track_by_name_is_checked_as_one_of_a_file(capsys, fields, message):
+    changed = [word for field in fields for word in ("--set", f"reference.{field}")]
+    assert run(["fly", "circle", *changed, "--duration", "1", "--controller", "hold"]) == 2
+    err = capsys.readouterr().err
+    assert "circle: must" in err
+    assert message in err
+    assert len(err.splitlines()) == 1
+
+
 def test_waypoints_are_flown_and_those_that_are_not_passed_are_named(tmp_path):
     path = scenario(tmp_path, LINE, "duration: 5.0\n", "speed: 1.0, corners: stop, rest: 0.1")
     flight = fly(load_flight(path), seed=0)
