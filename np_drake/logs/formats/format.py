@@ -178,13 +178,14 @@ class Format:
     """One format of flight logs, each in a file of this folder.
 
     name: as in a map's `format`.   title: for people.
-    recognises: whether a file is of this format, from its path and its first 4096 bytes.
+    recognises: whether a file is of this format, from its path and its first bytes.
     contents: names of streams and columns, and facts of the header, read without the rows where the
         format allows.
     default_map: the map where the log's own names say what they hold; None where only its user
         knows.
     read: the streams and columns that are wanted; memory must not grow with what is not. Calls its
         last argument with the share of the file that is read.
+    advice: sentence on what a vehicle logs, where a log lacks something; with a space before it.
     motors: which columns drive the rotors, of a format whose logs state it.
     All raise LogError, one line with file, place and remedy, on a damaged file or without the
     library.
@@ -197,12 +198,16 @@ class Format:
     default_map: Callable[[Contents], LogMap | None]
     read: Callable[[Path, Mapping[str, list[str]], Progress], Recording]
     motors: Callable[[Contents], Motors] = lambda contents: Motors()
+    advice: str = ""
+
+
+FIRST = 4096  # bytes by which a format is recognised; own choice
 
 
 def first_bytes(path: Path) -> bytes:
-    """Return the first 4096 bytes of a file, by which a format recognises it; none of a folder."""
+    """Return the first `FIRST` bytes of a file; none of a folder."""
     if path.is_dir():
         return b""
     require_plain_file(path)
     with path.open("rb") as file:
-        return file.read(4096)
+        return file.read(FIRST)

@@ -13,7 +13,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
-from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS
+from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS, LOOKS, looking_like, shorten
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import (
     Contents,
@@ -49,9 +49,6 @@ from np_drake.logs.importing.signals import (
 from np_drake.logs.inputs import lift_fit
 from np_drake.vehicle.vehicle import STRONGEST
 
-# In names of what turns rotors.
-DRIVES = re.compile(r"(motor|rotor|throttle|pwm|esc|rpm|omega|actuator).*\d", re.IGNORECASE)
-
 
 def lacking(contents: Contents) -> str:
     """Return what the names of a table do not tell, as a list; empty where they tell nothing or
@@ -71,12 +68,22 @@ def lacking(contents: Contents) -> str:
     return "; ".join(what for what, is_told in told.items() if not is_told) if here else ""
 
 
-def input_line(contents: Contents) -> str:
-    """Return which columns of a log may be its motors; empty: none."""
-    names = [name for columns in contents.values() for name in columns if DRIVES.search(name)]
-    return (
-        f" Its columns {names[0]} … {names[-1]} may be such; name them in a map." if names else ""
-    )
+def looks(contents: Contents, fields: str) -> str:
+    """Return a sentence on the columns of a log that look like fields that it lacks; empty: none
+    does.
+
+    Args:
+        fields: as keys of `LOOKS`, one letter each.
+    """
+    names = [
+        f"{stream}/{name}" if len(contents) > 1 else name
+        for stream, columns in contents.items()
+        for name in columns
+    ]
+    missing = [field for field in fields if not set(COLUMNS[field]) <= set(names)]
+    found = {LOOKS[field][0]: looking_like(names, field) for field in missing}
+    said = [f"{what}: {shorten(alike)}" for what, alike in found.items() if alike]
+    return f" Columns that look like {'; '.join(said)}." if said else ""
 
 
 Parts = tuple[LogMap, list[Part], list[str]]  # map, what was made of every part, lines
@@ -254,7 +261,7 @@ def _ground_notes(part: Part) -> list[str]:
 
 GIVE_MAP = "Give a map (--map FILE, docs/reference/log-map.md)"
 ENDINGS = re.compile(
-    r"(\.(csv|tsv|txt|parquet|ulg|bin|log|mcap|db3|bag|bbl|bfl))?(\.gz)?$", re.IGNORECASE
+    r"(\.(csv|tsv|txt|parquet|ulg|bin|tlog|log|mcap|db3|bag|bbl|bfl))?(\.gz)?$", re.IGNORECASE
 )
 
 
@@ -309,7 +316,7 @@ def import_log(
         ).check()
     except ValueError as error:
         raise LogError(f"{path}: {error}") from None
-    require_a_flight(log_map, f"{path}", input_line(contents))
+    require_a_flight(log_map, f"{path}", lambda fields: known.advice + looks(contents, fields))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
     signals, said, notes, origin = _signals_of_parts(recording, log_map, str(path))
@@ -374,13 +381,12 @@ def _map_for(
         if lacks := lacking(contents):
             raise LogError(
                 f"{path}: the names of its columns must tell what they hold; none tells "
-                f"{lacks}. {GIVE_MAP}."
+                f"{lacks}. {GIVE_MAP}.{looks(contents, 'tqpvwa')}"
             )
         names = ", ".join(f"{s}/{c}" for s, columns in contents.items() for c in columns[:4])
         raise LogError(
             f"{path}: the names of this log ({known.title}) do not tell what its columns "
-            f"hold. {GIVE_MAP}. It has "
-            f"{names[:200]} …"
+            f"hold. {GIVE_MAP}.{looks(contents, 'qpvwau') or f' It has {names[:200]} …'}"
         )
     return known, contents, found.check(), motors
 

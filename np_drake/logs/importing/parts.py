@@ -3,7 +3,7 @@ flights in it.
 """
 
 import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -105,11 +105,11 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
         )
 
 
-def require_a_flight(log_map: LogMap, path: str, inputs: str = "") -> None:
+def require_a_flight(log_map: LogMap, path: str, looks: Callable[[str], str]) -> None:
     """Check that the map names what a flight log needs, before anything is read.
 
     Args:
-        inputs: which of its columns may be an input, for the message.
+        looks: returns a sentence on the columns that look like fields.
     Raises: LogError: if it does not.
     """
     needs = (
@@ -117,19 +117,22 @@ def require_a_flight(log_map: LogMap, path: str, inputs: str = "") -> None:
             log_map.attitude or log_map.in_body,
             "attitude, or of rates and acceleration in body axes, as a gyro and an accelerometer "
             "read them; a flight log needs these.",
+            "qwa",
         ),
         (
             log_map.position or log_map.velocity or log_map.acceleration,
             "position, velocity or acceleration; got none of them.",
+            "pva",
         ),
         (
             log_map.thrust or log_map.rotor_speed or log_map.throttle,
-            f"thrust, rotor_speed or throttle; a flight log needs one of them.{inputs}",
+            "thrust, rotor_speed or throttle; a flight log needs one of them.",
+            "u",
         ),
     )
-    for named, what in needs:
+    for named, what, fields in needs:
         if not named:
-            raise LogError(f"{path}: the map must name columns of {what}")
+            raise LogError(f"{path}: the map must name columns of {what}{looks(fields)}")
 
 
 FITS = "fits "  # beginning of a note that not all of a log is taken
