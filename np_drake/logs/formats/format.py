@@ -44,8 +44,11 @@ class Recording:
     facts: what its header says (vehicle, firmware, parameters), for the sheet. notes: what the
         decoder left out or mended, one line each.
     said: more of them, which the screen says as well. breaks: times [s] at which the log states a
-        switch, with the reason; one that ends in `?` is a
-        break where it shows.
+        switch, with the reason; one that ends in `?` is a break where it shows, one that ends in
+        `!` the end of the flight.
+    events: times [s] of what the vehicle says of itself, with what it is.
+    clips: body axes along which the accelerometer reaches its limit in more samples than
+        `FEW_CLIPS`.
     units: that the file states, by column.
     """
 
@@ -55,12 +58,25 @@ class Recording:
     notes: tuple[str, ...] = ()
     said: tuple[str, ...] = ()
     breaks: tuple[tuple[float, str], ...] = ()
+    events: tuple[tuple[float, str], ...] = ()
+    clips: tuple[int, ...] = ()
     units: Mapping[str, str] = dc.field(default_factory=dict)
 
     @property
     def contents(self) -> Contents:
         """Names of the columns of every stream."""
         return {name: tuple(stream.columns) for name, stream in self.streams.items()}
+
+
+SAYS = "the log says: "  # beginning of a line on what a vehicle says of itself
+CLIPS = f"{SAYS}the accelerometer clips"
+FEW_CLIPS = 0.01  # share of samples that may clip [1]; own choice
+COUNTED = 1000.0  # least rate of an accelerometer whose samples that clip are counted [Hz]
+
+
+def shaking(level: float, most: float, name: str) -> list[str]:
+    """Return the line on an IMU that shakes by more than its autopilot allows [m/s²], or none."""
+    return [f"{SAYS}the IMU shakes by more than {most:g} m/s2 ({name})"] * (level > most)
 
 
 class Scanned(dict[str, tuple[str, ...]]):

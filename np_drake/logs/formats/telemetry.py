@@ -133,7 +133,7 @@ def _value(message: Any, column: str) -> float:
 
 def _columns(kind: Any) -> list[str]:
     """Return the names of the numbers of a message, without those of its time and instance."""
-    found = []
+    found: list[str] = []
     for name, form, size in zip(kind.fieldnames, kind.fieldtypes, kind.array_lengths, strict=True):
         if form != "char" and name not in (*CLOCKS, kind.instance_field):
             found += indexed(name, size) if size else [name]

@@ -16,6 +16,8 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS, LOOKS, looking_like, shorten
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import (
+    CLIPS,
+    SAYS,
     Contents,
     Format,
     Motors,
@@ -26,7 +28,9 @@ from np_drake.logs.formats.format import (
 )
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
+from np_drake.logs.importing.alignment import in_frames
 from np_drake.logs.importing.breaks import (
+    MOST_SAID,
     after_the_start,
     find_breaks,
     split,
@@ -35,14 +39,15 @@ from np_drake.logs.importing.breaks import (
 )
 from np_drake.logs.importing.conventions import Verdict, as_text, require_a_likely_clock
 from np_drake.logs.importing.laws import SCALE, failing
-from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source
-from np_drake.logs.importing.parts import Part, imported_parts, require_a_flight
+from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source, convert_quantity
+from np_drake.logs.importing.parts import FITS, Part, imported_parts, require_a_flight
 from np_drake.logs.importing.signals import (
     Signal,
     Signals,
     clock_of,
     gather,
     require_stated_units,
+    stopped_rotor,
     usable_inputs,
     with_map_time,
 )
@@ -339,7 +344,11 @@ def import_log(
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
         flight.timing, flight.layout = timing, layout
         flight.start += beside.start
-    said = [*motors.notes, *recording.said, *said, *told]
+    told = [*recording.said, *_said_by(recording, origin), *said, *told]
+    standing = tuple(line for line in told if line.startswith((FITS, SAYS)))
+    for flight in flights:
+        flight.notes += standing
+    said = [*motors.notes, *told]
     content = sheet_content(
         path,
         known.title,
@@ -349,7 +358,7 @@ def import_log(
         flights,
         [*said, *recording.notes, *notes],
     )
-    return Imported(tuple(flights), Sheet(timing, content, layout), tuple(said))
+    return Imported(tuple(flights), Sheet(timing, content, layout, said=standing), tuple(said))
 
 
 def _map_for(
@@ -415,12 +424,13 @@ def _signals_of_parts(
     signals, notes = gather(recording, log_map)
     require_a_likely_clock(signals, log_map, path)
     origin = float(clock_of(signals).t[0])
+    ends = _ends(signals, log_map)
+    signals, slow = usable_inputs(signals, log_map)
     signals, short = within(
         signals, origin + (log_map.start or -np.inf), origin + (log_map.stop or np.inf)
     )
     require(not short, f"{path}: start and stop must leave samples; {short} in them.", LogError)
-    signals, slow = usable_inputs(signals, log_map)
-    breaks = find_breaks(signals, log_map, recording.breaks, merged)
+    breaks = find_breaks(signals, log_map, [*recording.breaks, *ends], merged)
     parts, broken = split(signals, breaks, origin)
     require(
         parts,
@@ -428,3 +438,37 @@ def _signals_of_parts(
         LogError,
     )
     return parts, [*said, *slow, *broken], notes, origin
+
+
+TUMBLES = 3.0  # body rate to which a rotor that stops turns a vehicle [rad/s]; own choice
+
+
+def _ends(signals: Signals, log_map: LogMap) -> list[tuple[float, str]]:
+    """Return when a rotor stops in flight [s], and a reason that ends it; none: none does."""
+    speeds = signals.get("rotor_speed")
+    found = stopped_rotor(speeds) if speeds is not None else None
+    if found is None:
+        return []
+    t, number = found
+    rates = signals["rates"] if "rates" in signals else in_frames(signals, log_map, [])["rates"]
+    turns = np.abs(convert_quantity("rates", rates.between(t, np.inf).values, log_map))
+    tumbles = turns.max(initial=0.0) > TUMBLES
+    what = f"rotor {number} stops" if tumbles else f"the speed of rotor {number} is told no more"
+    return [(t, f"{what}!")]
+
+
+def _said_by(recording: Recording, origin: float) -> list[str]:
+    """Return lines on what a vehicle says of itself from the origin [s] on."""
+    events: dict[str, list[float]] = {}
+    for t, what in sorted(recording.events):
+        if t >= origin:
+            events.setdefault(what, []).append(t - origin)
+    told = [
+        f"{what} at {times[0]:.2f} s" + f" ({len(times)} times)" * (len(times) > 1)
+        for what, times in events.items()
+    ]
+    more = [f"{len(told) - MOST_SAID} more"] if len(told) > MOST_SAID else []
+    axes = ", ".join("xyz"[i] for i in recording.clips)
+    what = "vertical" if 2 in recording.clips else "lateral"
+    said = [f"{CLIPS} along body {axes}: {what} force is unreliable"] if axes else []
+    return said + ([SAYS + "; ".join(told[:MOST_SAID] + more)] if told else [])

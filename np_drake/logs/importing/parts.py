@@ -27,7 +27,7 @@ from np_drake.logs.importing.conventions import (
     fitting_stretch,
     judged,
 )
-from np_drake.logs.importing.laws import FASTEST_ROTOR, WINDOW, stretches
+from np_drake.logs.importing.laws import FASTEST_ROTOR, OPPOSED, WINDOW, stretches
 from np_drake.logs.importing.log_map import GRAVITY, UNITS, LogMap, convert_quantity
 from np_drake.logs.importing.signals import FASTER, Signals, clock_of, is_slow
 
@@ -373,5 +373,18 @@ def _fitting(
                 f"{FITS}{since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"
             ]
             signals, verdict = part, own
+    if _shakes(verdict) and "velocity" in signals:
+        signals = {n: own for n, own in signals.items() if n != "acceleration"}
+        verdict = judged(signals, log_map, path)
+        said.append("acceleration agrees with velocity on no axis, as where it shakes; left out")
     log_map, verdict = agreed(verdict, signals, log_map, path, adopt=adopt)
     return log_map, (signals, log_map, verdict), said
+
+
+def _shakes(verdict: Verdict) -> bool:
+    """Return whether all that fails is an acceleration that tells nothing, in whatever convention:
+    of vibrations that are sampled too slowly.
+    """
+    wrong = [verdict.misfits[law] for law in verdict.failed if law.startswith("velocity")]
+    alone = len(wrong) == len(verdict.failed) and max(wrong, default=OPPOSED) < OPPOSED
+    return alone and not verdict.changes
