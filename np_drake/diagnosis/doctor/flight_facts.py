@@ -25,7 +25,7 @@ from np_drake.logs.importing.laws import (
     told_by_noise,
 )
 from np_drake.logs.importing.log_map import GRAVITY
-from np_drake.logs.importing.signals import Signal
+from np_drake.logs.importing.signals import TICKS, Signal
 from np_drake.logs.opening import rotor_lift
 from np_drake.logs.rotors import torque_agreement
 from np_drake.training_data.segments import white_noise
@@ -113,7 +113,7 @@ def doubts(flight: FlightResiduals) -> list[Doubt]:
     log = flight.log
     # What a reader found of order and coefficient of the rotors, which is not that of the
     # vehicle file, and what the vehicle says of itself.
-    known = (rotors.NOTE, inputs.COEFFICIENT_NOTE, SAYS)
+    known = (rotors.NOTE, inputs.COEFFICIENT_NOTE, SAYS, TICKS)
     return [
         *_residual(flight),
         *_torque(flight),

@@ -39,7 +39,8 @@ HEADS = {0xFE: 6, 0xFD: 10}  # bytes before the payload, by the first byte: vers
 SIGNATURE = 13  # bytes of one
 SINCE, UNTIL = 946_684_800e6, 4_102_444_800e6  # of a time of receipt: 2000 to 2100 [us]
 STATE = (30, 31, 32, 33)  # ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED, GLOBAL_POSITION_INT
-PARAMETER, HEARTBEAT = 22, 0
+PARAMETER, HEARTBEAT, TEXT, VIBRATION = 22, 0, 253, 241
+VIBRATIONS = [f"vibration_{a}" for a in "xyz"] + [f"clipping_{i}" for i in range(3)]
 INTEGER = 6  # MAV_PARAM_TYPE_INT32, which PX4 writes into the bits of a float
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}  # MAV_AUTOPILOT
 CLOCKS = {"time_boot_ms": 1e-3, "time_usec": 1e-6}  # [s]
@@ -222,7 +223,13 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     facts |= {"autopilot": maker} if maker else {}
     notes = (f"{log.lost} bytes are of no message",) if log.lost else ()
     breaks = tuple((float(t), "the vehicle boots again") for t in clock.breaks)
-    return Recording(str(path), streams, facts, notes, breaks=breaks)
+    warned = [(stamp, m.text) for stamp, m in log.messages(TEXT) if m.severity <= ulog.WARNS]
+    at = clock.of(np.array([t for t, _ in warned]), np.full(len(warned), np.nan))
+    events = tuple((float(t), repr(text)) for t, (_, text) in zip(at, warned, strict=True))
+    stamps, rows = log.rows(VIBRATION, VIBRATIONS)
+    seconds = float(np.ptp(stamps)) if len(stamps) else 0.0
+    clips, said = dataflash.shaken(seconds, rows[:, 3:], rows[:, :3], "VIBRATION")
+    return Recording(str(path), streams, facts, notes, tuple(said), breaks, events, clips)
 
 
 def motors(contents: Contents) -> Motors:

@@ -60,15 +60,18 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
     """
     parameters: Parameters = getattr(contents, "parameters", {})
     rates = getattr(contents, "rates", {})
+    values = getattr(contents, "values_of", {})
     fast = {
         name: columns for name, columns in contents.items() if rates.get(name, np.inf) >= slowest
     }
+    outputs = [name for name in fast if name.partition(".")[0] == "actuator_outputs"]
+    lifts = [name for name in outputs if values.get(f"{name}/{LIFTS}", 0.0) > LIFTING]
+    for name in set(outputs) - set(lifts or outputs):
+        del fast[name]
     lifting = _lifting(parameters)
     throttle = _motor_throttle(fast, parameters, lifting)
     count = len(lifting) if lifting else len(throttle.columns)
-    speed = (
-        Source() if count > 4 else _rotor_speed(fast, getattr(contents, "values_of", {}), lifting)
-    )
+    speed = Source() if count > 4 else _rotor_speed(fast, values, lifting)
     notes = (
         []
         if count in (0, 4)
@@ -243,6 +246,13 @@ MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
 LONGEST_DELAY = 1_000_000  # of a message; beyond, timestamp_sample means something else [us]
 PROBED = ("esc_status", "actuator_motors", "actuator_outputs")  # their unused columns are left out
 STILL = 0.1  # changes over those of the liveliest, up to which an output is no motor; own choice
+LIFTS = "lifts"  # in place of a column: correlation of its outputs with the collective thrust
+LIFTING = 0.5  # correlation from which outputs are those of motors, not of a gimbal [1]; own choice
+COLLECTIVE = (  # setpoints of the collective thrust, and the sign of it in each
+    ("vehicle_thrust_setpoint", "xyz[2]", -1.0),
+    ("actuator_controls_0", "control[3]", 1.0),
+    ("vehicle_attitude_setpoint", "thrust_body[2]", -1.0),
+)
 LARGEST_MESSAGE = 65_535  # [bytes], its size is a uint16
 MOST_FIELDS = 200_000  # of all subscriptions together
 # They act when they are published, whatever they were computed from.
@@ -405,10 +415,28 @@ def _contents(path: Path) -> Contents:
             }
             least = STILL * max(moves.values(), default=0)
             columns = [c for c in columns if moves.get(c, np.inf) > least]
+            outputs = [data.data[c].astype(float) for c in columns if c in moves]
+            values[f"{name}/{LIFTS}"] = _lift(log, t, outputs)
         found.setdefault(name, tuple(columns))
     numbers = log.initial_parameters.items()
     parameters = {n: float(v) for n, v in numbers if isinstance(v, int | float) and np.isfinite(v)}
     return Scanned(found, parameters, rates, values)
+
+
+def _lift(log: Any, t: np.ndarray, outputs: Sequence[np.ndarray]) -> float:
+    """Return the highest correlation with the collective thrust of any of the outputs (n,), and of
+    their mean [1]; 0: none.
+    """
+    data = {own.name: own.data for own in log.data_list}
+    known = [(data[n], field, sign) for n, field, sign in COLLECTIVE if field in data.get(n, ())]
+    if not known or not outputs:
+        return 0.0
+    own, field, sign = known[0]
+    thrust = np.interp(t, own["timestamp"], np.nan_to_num(sign * own[field]))
+    tried = [np.nan_to_num(x - np.nanmean(x)) for x in (*outputs, np.mean(outputs, axis=0))]
+    thrust = thrust - thrust.mean()
+    sizes = [max(float(np.linalg.norm(x) * np.linalg.norm(thrust)), 1e-12) for x in tried]
+    return max(float(x @ thrust) / size for x, size in zip(tried, sizes, strict=True))
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -622,13 +650,11 @@ def _default_map(contents: Contents) -> LogMap | None:
     """
     position, velocity, odometry = _position(contents)
     fast = motors(contents, SLOWEST_ROTORS)
-    collective = (
-        first_source(contents, [["vehicle_thrust_setpoint/xyz[2]"]], unit="1", scale=-1.0)
-        or first_source(contents, [["actuator_controls_0/control[3]"]], unit="1")
-        or first_source(
-            contents, [["vehicle_attitude_setpoint/thrust_body[2]"]], unit="1", scale=-1.0
-        )
+    setpoints = (
+        first_source(contents, [[f"{name}/{field}"]], unit="1", scale=sign)
+        for name, field, sign in COLLECTIVE
     )
+    collective = next((source for source in setpoints if source), Source())
     found = LogMap(
         format="ulog",
         world="ned",

@@ -42,6 +42,7 @@ from np_drake.logs.importing.laws import SCALE, failing
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source, convert_quantity
 from np_drake.logs.importing.parts import FITS, Part, imported_parts, require_a_flight
 from np_drake.logs.importing.signals import (
+    TICKS,
     Signal,
     Signals,
     clock_of,
@@ -345,7 +346,7 @@ def import_log(
         flight.timing, flight.layout = timing, layout
         flight.start += beside.start
     told = [*recording.said, *_said_by(recording, origin), *said, *told]
-    standing = tuple(line for line in told if line.startswith((FITS, SAYS)))
+    standing = tuple(line for line in [*told, *notes] if line.startswith((FITS, SAYS, TICKS)))
     for flight in flights:
         flight.notes += standing
     said = [*motors.notes, *told]

@@ -212,6 +212,7 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
     """
     signals: dict[str, Signal] = {}
     notes: list[str] = []
+    ticks: dict[float, list[str]] = {}
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
         dead = np.count_nonzero(signal.values <= 0) if name == "voltage" else 0
@@ -224,10 +225,7 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
         if reasons:
             notes.append(f"{name}: rows left out: {reasons}")
         if signal.tick:
-            notes.append(
-                f"{name}: times are rounded to {1e3 * signal.tick:.3g} ms; taken as an "
-                f"uncertainty of time"
-            )
+            ticks.setdefault(signal.tick, []).append(name)
         if name == "rotor_speed" and len(signal.t) > 1:
             signal, zeros = without_zeros(signal)
             if zeros:
@@ -250,6 +248,10 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
                 f"{', '.join(source.columns)}{left}."
             )
         signals[name] = signal
+    for tick, names in ticks.items():
+        head = TICKS if tick > LONG_TICK else "times are rounded to "
+        said = f"{head}{1e3 * tick:.3g} ms: {', '.join(names)}; taken as an uncertainty of time"
+        notes.append(said)
     return signals, notes
 
 
@@ -291,7 +293,7 @@ def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
         "time not increasing": np.sum(~later),
     }
     reasons = ", ".join(f"{count} with {reason}" for reason, count in counts.items() if count)
-    return Signal(t, values, coarse_tick(t)), reasons
+    return Signal(t, values, coarse_tick(t, int(np.sum(~later)))), reasons
 
 
 def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
@@ -351,6 +353,9 @@ STOPS = (
 FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
 RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseconds [s]
 CLOCK_SET = 1e6  # interval, beyond which the clock was set [s]
+FEWEST = 0.2  # share of samples of one time from which it is the clock's tick [1]; own choice
+LONG_TICK = 5e-3  # beyond which a tick stands against an answer [s]; own choice: of a motor's lag
+TICKS = "the clock runs in ticks of "  # beginning of a line
 HELD = (
     "held_after",
     "held_before",
@@ -410,12 +415,19 @@ def _shares(speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return share, np.median(share, axis=1) > CARRIES
 
 
-def coarse_tick(t: np.ndarray) -> float:
-    """Return the tick to which times (n,) are rounded, where it is coarse [s]; 0: it is not."""
+def coarse_tick(t: np.ndarray, repeats: int = 0) -> float:
+    """Return the tick to which times (n,) are rounded, where it is coarse [s]; 0: it is not.
+
+    Args:
+        repeats: samples left out as they bear the time of another; of many the tick is longer than
+            the interval of the samples.
+    """
     interval = np.diff(t)
     counts = np.round(np.minimum(interval, CLOCK_SET) / RESOLUTION).astype(np.int64)
     tick = int(np.gcd.reduce(counts)) * RESOLUTION
-    return tick if COARSE <= tick < FINE * float(np.median(interval)) else 0.0
+    if tick < COARSE:
+        return 0.0
+    return tick if repeats > FEWEST * len(t) or tick < FINE * float(np.median(interval)) else 0.0
 
 
 def usable_inputs(signals: Signals, log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:
