@@ -94,10 +94,13 @@ NAMES = tuple(name for group in COLUMNS.values() for name in group)
 
 LOOKS = {  # what a quantity is called, by field: its name in a map, and what its columns hold
     "t": ("time", r"time|stamp|^t_?(s|ms|us|ns)?$"),
-    "q": ("attitude", r"quat|^q|(^|\W)q\W|att|roll|pitch|yaw|euler|orient"),
-    "p": ("position", r"pos|^p_?[xyz]|^[xyz]$|lat|lon|alt|north|east|height"),
+    "q": ("attitude", r"quat|^q|\Wq\W|attitude|roll|pitch|yaw|euler|orient"),
+    "p": (
+        "position",
+        r"pos|^p_?[xyz]|^(?!.*(gyr|acc|vel|mag))(.*\W)?[xyz]$|\blat|\blon|alt|north|east",
+    ),
     "v": ("velocity", r"vel|^v_?[xyz]|speed"),
-    "w": ("rates", r"gyr|^w_?[xyz]|omega_?[xyz]|rate|ang"),
+    "w": ("rates", r"gyr|^w_?[xyz]|omega_?[xyz]|(body|ang).*(rate|vel)"),
     "a": ("acceleration", r"acc|^a_?[xyz]|force"),
     "u": ("rotor_speed or throttle", r"(motor|rotor|throttle|pwm|esc|rpm|omega|actuator).*\d"),
 }

@@ -270,22 +270,23 @@ HEADER_FACTS = {
     "sys_uuid": "vehicle",
 }
 WARNS = 4  # level of a message, from which on it is no news
-STATUS = {  # what a status says by its value; 0 is nothing. Source: PX4's message reference
+STATUS: dict[str, dict[int, str] | str] = {  # what a status says by its value, or any but 0
     "battery_status/warning": {1: "battery low", 2: "battery critical", 3: "battery empty"},
-    "vehicle_status/failsafe": {1: "failsafe"},
-    "vehicle_status/engine_failure": {1: "a motor fails"},
-    "vehicle_status/failure_detector_status": dict.fromkeys(range(1, 256), "failure detected"),
+    "vehicle_status/failsafe": "failsafe",
+    "vehicle_status/engine_failure": "a motor fails",
+    "vehicle_status/failure_detector_status": "failure detected",
     "vehicle_status/nav_state": {
         5: "mode return",
         12: "mode descend",
         13: "mode terminate",
         18: "mode land",
     },
-    "failure_detector_status/fd_motor": {1: "a motor fails"},
-    "failure_detector_status/fd_roll": {1: "roll beyond its limit"},
-    "failure_detector_status/fd_pitch": {1: "pitch beyond its limit"},
-    "estimator_status/filter_fault_flags": dict.fromkeys(range(1, 1 << 16), "the estimator fails"),
-}
+    "failure_detector_status/fd_motor": "a motor fails",
+    "failure_detector_status/fd_roll": "roll beyond its limit",
+    "failure_detector_status/fd_pitch": "pitch beyond its limit",
+    "estimator_status/filter_fault_flags": "the estimator fails",
+    **{f"esc_status/esc[{i}].failures": f"the ESC of motor {i + 1} fails" for i in range(8)},
+}  # Source: PX4's message reference
 COUNTERS, FLAGS = "vehicle_imu_status", "accelerometer_clipping"  # of samples that clip
 MOST_VIBRATION = 9.81  # of accel_vibration_metric [m/s²]. Source: PX4 Flight Review, its red zone
 VALID = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")  # of a local position
@@ -506,8 +507,9 @@ def _events(log: Any) -> Iterator[tuple[float, str]]:
         for name, meaning in STATUS.items():
             message, _, field = name.partition("/")
             values = data.data.get(field, t[:0]) if data.name == message else t[:0]
-            for row in np.flatnonzero(np.diff(values.astype(int), prepend=0)):
-                if said := meaning.get(int(values[row])):
+            for row in np.flatnonzero(np.diff(np.nan_to_num(values), prepend=0)):
+                said = meaning if isinstance(meaning, str) else meaning.get(int(values[row]), "")
+                if values[row] and said:
                     yield float(t[row]), said
     for message in log.logged_messages:
         if message.log_level - ord("0") <= WARNS:

@@ -345,7 +345,8 @@ def import_log(
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
         flight.timing, flight.layout = timing, layout
         flight.start += beside.start
-    told = [*recording.said, *_said_by(recording, origin), *said, *told]
+    end = flights[-1].start + flights[-1].t[-1]
+    told = [*recording.said, *_said_by(recording, origin, end), *said, *told]
     standing = tuple(line for line in [*told, *notes] if line.startswith((FITS, SAYS, TICKS)))
     for flight in flights:
         flight.notes += standing
@@ -458,11 +459,14 @@ def _ends(signals: Signals, log_map: LogMap) -> list[tuple[float, str]]:
     return [(t, f"{what}!")]
 
 
-def _said_by(recording: Recording, origin: float) -> list[str]:
-    """Return lines on what a vehicle says of itself from the origin [s] on."""
+AFTER = 2.0  # the end of what is analysed, in which an event may tell why it ends [s]; own choice
+
+
+def _said_by(recording: Recording, origin: float, end: float) -> list[str]:
+    """Return lines on what a vehicle says of itself between two times [s]."""
     events: dict[str, list[float]] = {}
     for t, what in sorted(recording.events):
-        if t >= origin:
+        if origin <= t < end + AFTER:
             events.setdefault(what, []).append(t - origin)
     told = [
         f"{what} at {times[0]:.2f} s" + f" ({len(times)} times)" * (len(times) > 1)

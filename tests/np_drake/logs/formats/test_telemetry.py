@@ -91,6 +91,17 @@ def test_a_log_without_a_vehicle_says_what_to_bring(flown, tmp_path):
         import_log(path)
 
 
+def test_what_a_vehicle_says_of_itself_is_said(flown, tmp_path):
+    path = tmp_path / "log.tlog"
+    rows = writer.frames(flown, pulses(flown), warning=(3.0, "Potential Thrust Loss (3)"), clips=1)
+    writer.write(path, rows)
+    dut = import_log(path)
+    (event,) = [line for line in dut.said if "Thrust Loss" in line]
+    assert event == "the log says: 'Potential Thrust Loss (3)' at 3.00 s"
+    assert any("clips along body x, y, z" in line for line in dut.said)
+    assert any("shakes by more than 30 m/s2 (VIBRATION)" in line for line in dut.said)
+
+
 def test_a_slow_stream_tells_thrust_and_no_torque(flown, tmp_path):
     path = tmp_path / "log.tlog"
     thin = dc.replace(flown, **{k: getattr(flown, k)[::10] for k in ("t", "p", "q", "v", "w")})
