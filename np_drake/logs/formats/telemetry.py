@@ -8,6 +8,7 @@ their usual lead. Where the vehicle boots again its clock goes on.
 Source: MAVLink developer guide, "Packet Serialization" and the common messages.
 """
 
+import contextlib
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -36,6 +37,7 @@ from np_drake.logs.importing.log_map import LogMap
 
 STAMP = 8  # bytes of a time of receipt
 HEADS = {0xFE: 6, 0xFD: 10}  # bytes before the payload, by the first byte: version 1 and 2
+FIRST_BYTES = re.compile(b"[\xfd\xfe]")
 SIGNATURE = 13  # bytes of one
 SINCE, UNTIL = 946_684_800e6, 4_102_444_800e6  # of a time of receipt: 2000 to 2100 [us]
 STATE = (30, 31, 32, 33)  # ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED, GLOBAL_POSITION_INT
@@ -68,9 +70,11 @@ class _Log:
         at, count = 0, 0
         while at < len(self.data):
             source, number, size = _frame(self.data, at)
-            if not size:
-                self.lost += 1
-                at += 1
+            follows = at + size == len(self.data) or _frame(self.data, at + size)[2]
+            if not size or not (follows or self._decoded(at)):
+                found = FIRST_BYTES.search(self.data, at + STAMP + 1)
+                at, before = (found.start() - STAMP if found else len(self.data)), at
+                self.lost += at - before
                 continue
             places.setdefault(source, {}).setdefault(number, []).append(at)
             at += size
@@ -92,15 +96,18 @@ class _Log:
             if n in ardupilotmega.mavlink_map
         }
 
+    def _decoded(self, at: int) -> Any:
+        """Return the message at a place; None where its checksum or its number is wrong."""
+        size = _frame(self.data, at)[2]
+        with contextlib.suppress(self.library.MAVError):
+            return self._decoder.decode(bytearray(self.data[at + STAMP : at + size]))
+        return None
+
     def messages(self, number: int) -> Iterator[tuple[float, Any]]:
         """Yield time of receipt [s] and message of all whose checksum is right."""
         for at in self.places.get(number, ()):
-            size = _frame(self.data, at)[2]
-            try:
-                message = self._decoder.decode(bytearray(self.data[at + STAMP : at + size]))
-            except self.library.MAVError:
-                continue
-            yield int.from_bytes(self.data[at : at + STAMP], "big") * 1e-6, message
+            if (message := self._decoded(at)) is not None:
+                yield int.from_bytes(self.data[at : at + STAMP], "big") * 1e-6, message
 
     def rows(self, number: int, columns: list[str]) -> tuple[np.ndarray, np.ndarray]:
         """Return times of receipt (n,) [s] and columns (n, k); an array's are `name[i]`."""

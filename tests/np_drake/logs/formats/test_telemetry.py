@@ -77,9 +77,13 @@ def test_bytes_that_are_no_message_are_passed_over_and_counted(flown, tmp_path):
     writer.write(path, rows[:2000])
     whole = path.read_bytes()
     writer.write(path, rows[2000:])
-    path.write_bytes(whole + b"\x00\xfd\x07" * 9 + path.read_bytes()[:-4])
+    content = bytearray(whole + b"\x00\xfd\x07" * 9 + path.read_bytes()[:-4])
+    content[20000] ^= 0xFF  # of a payload
+    content[30000 + content[30000:].index(b"\xfd") + 1] ^= 0x40  # a length
+    path.write_bytes(content)
     dut = import_log(path)
-    assert len(dut.flights[0]) >= len(flown) - 1
+    assert len(dut.flights[0]) >= len(flown) - 3
+    np.testing.assert_allclose(dut.flights[0].p[:600], flown.p[:600], atol=0.01)
     assert any("bytes are of no message" in note for note in dut.sheet.content["notes"])
 
 
