@@ -31,7 +31,6 @@ from np_drake.logs.formats.format import (
     Stream,
     first_source,
     indexed,
-    no_progress,
 )
 from np_drake.logs.importing.log_map import LogMap
 
@@ -49,7 +48,7 @@ CLOCKS = {"time_boot_ms": 1e-3, "time_usec": 1e-6}  # [s]
 OUTPUTS = re.compile(r"SERVO_OUTPUT_RAW\.(\d+)/servo(\d+)_raw")
 SPEEDS = re.compile(r"ESC_(?:STATUS\.0|TELEMETRY_1_TO_4)/rpm\[(\d)\]")
 RESTART = 1.0  # by which the time since boot goes back where it is another boot [s]; own choice
-AROUND = 10.0  # of a boot, beyond which a time is on another clock [s]; own choice
+AROUND = 10.0  # of the time of receipt, beyond which a time is of another clock [s]; own choice
 NEEDS = "MAVLink logs need pymavlink; pip install 'np_drake[node]', or bring the vehicle's own log."
 
 
@@ -59,7 +58,7 @@ class _Log:
     lost: bytes that are of no message.
     """
 
-    def __init__(self, path: Path, progress: Progress) -> None:
+    def __init__(self, path: Path) -> None:
         """Find all messages; LogError if none tells a state, or without the library."""
         optional_package("pymavlink", path, NEEDS)
         from pymavlink.dialects.v20 import ardupilotmega
@@ -67,20 +66,18 @@ class _Log:
         self.library, self.data, self.lost = ardupilotmega, path.read_bytes(), 0
         self._decoder = ardupilotmega.MAVLink(None)
         places: dict[tuple[int, int], dict[int, list[int]]] = {}
-        at, count = 0, 0
+        at = 0
         while at < len(self.data):
             source, number, size = _frame(self.data, at)
             follows = at + size == len(self.data) or _frame(self.data, at + size)[2]
             if not size or not (follows or self._decoded(at)):
                 found = FIRST_BYTES.search(self.data, at + STAMP + 1)
-                at, before = (found.start() - STAMP if found else len(self.data)), at
-                self.lost += at - before
+                after = found.start() - STAMP if found else len(self.data)
+                self.lost += after - at
+                at = after
                 continue
             places.setdefault(source, {}).setdefault(number, []).append(at)
             at += size
-            count += 1
-            if not count & 0x3FFF:
-                progress(at / len(self.data))
         told = Counter({s: sum(len(own.get(n, ())) for n in STATE) for s, own in places.items()})
         source = max(told, key=lambda one: told[one], default=(0, 0))
         require(
@@ -123,14 +120,20 @@ def _frame(data: bytes, at: int) -> tuple[tuple[int, int], int, int]:
     0: no message is there.
     """
     head = data[at + STAMP : at + STAMP + 10]
-    if len(head) < 10 or head[0] not in HEADS:
+    if len(head) < 10 or not _begins(data[at : at + STAMP + 1]):
         return (0, 0), 0, 0
-    old = head[0] == 0xFE
-    size = STAMP + HEADS[head[0]] + head[1] + 2 + SIGNATURE * (not old and head[2] & 1)
-    if not SINCE < int.from_bytes(data[at : at + STAMP], "big") < UNTIL or at + size > len(data):
-        return (0, 0), 0, 0
-    system, component = (head[3], head[4]) if old else (head[5], head[6])
-    return (system, component), head[5] if old else int.from_bytes(head[7:10], "little"), size
+    signed = head[0] == 0xFD and head[2] & 1
+    size = STAMP + HEADS[head[0]] + head[1] + 2 + SIGNATURE * signed
+    size *= at + size <= len(data)
+    if head[0] == 0xFE:
+        return (head[3], head[4]), head[5], size
+    return (head[5], head[6]), int.from_bytes(head[7:10], "little"), size
+
+
+def _begins(start: bytes) -> bool:
+    """Return whether bytes begin with a time of receipt and a message."""
+    told = SINCE < int.from_bytes(start[:STAMP], "big") < UNTIL
+    return len(start) > STAMP and start[STAMP] in HEADS and told
 
 
 def _value(message: Any, column: str) -> float:
@@ -150,7 +153,7 @@ def _columns(kind: Any) -> list[str]:
 
 def _contents(path: Path) -> Contents:
     """Return the messages and their columns; those of motors that never change are left out."""
-    log = _Log(path, no_progress)
+    log = _Log(path)
     found: dict[str, tuple[str, ...]] = {}
     for name, number in log.names.items():
         kind = log.library.mavlink_map[number]
@@ -189,9 +192,8 @@ class _Clock:
     def __init__(self, stamps: np.ndarray, own: np.ndarray) -> None:
         again = np.flatnonzero(np.diff(own) < -RESTART) + 1
         self._since = stamps[again]
-        parts = np.split(own, again), np.split(stamps - own, again)
-        self._spans = np.array([(part.min(), part.max()) for part in parts[0]])
-        self._leads = np.array([np.median(part) for part in parts[1]])
+        parts = np.split(stamps - own, again)
+        self._leads = np.array([np.median(part) for part in parts])
         self.breaks = self.of(self._since, np.full(len(again), np.nan))
 
     def of(self, stamps: np.ndarray, own: np.ndarray) -> np.ndarray:
@@ -199,14 +201,13 @@ class _Clock:
         told [s].
         """
         boot = np.searchsorted(self._since, stamps, side="right")
-        first, last = self._spans[boot].T
-        told = (own > first - AROUND) & (own < last + AROUND)
         lead = self._leads[boot]
+        told = np.abs(stamps - own - lead) < AROUND
         return np.where(told, own, stamps - lead) + (lead - self._leads[0])
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
-    log = _Log(path, lambda share: progress(0.5 * share))
+    log = _Log(path)
     most = max(STATE, key=lambda number: len(log.places.get(number, ())))
     stamps, own = log.rows(most, ["time_boot_ms"])
     require(len(stamps), f"{path}: must hold whole messages; it has none. Copy it again.", LogError)
@@ -224,7 +225,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         since = rows[:, len(columns)] * CLOCKS[timed[0]] if timed else np.full(len(stamps), np.nan)
         values = dict(zip(columns, rows.T, strict=False))
         streams[name] = Stream(clock.of(stamps, since), values)
-        progress(0.5 + 0.5 * i / len(wanted))
+        progress(i / len(wanted))
     facts = {"clock": "time since the vehicle's boot [s]"}
     maker = AUTOPILOTS.get(int(_parameters(log)["MAV_AUTOPILOT"]))
     facts |= {"autopilot": maker} if maker else {}
@@ -299,11 +300,12 @@ def default_map(contents: Contents) -> LogMap | None:
     return found if found.tells_motion else None
 
 
-def _recognises(path: Path, start: bytes) -> bool:
-    stamp = int.from_bytes(start[:STAMP], "big")
-    return len(start) > STAMP and start[STAMP] in HEADS and SINCE < stamp < UNTIL
-
-
 TELEMETRY = Format(
-    "tlog", "MAVLink telemetry .tlog", _recognises, _contents, default_map, _read, motors
+    "tlog",
+    "MAVLink telemetry .tlog",
+    lambda path, start: _begins(start),
+    _contents,
+    default_map,
+    _read,
+    motors,
 )
