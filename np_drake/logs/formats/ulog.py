@@ -61,13 +61,14 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
     parameters: Parameters = getattr(contents, "parameters", {})
     rates = getattr(contents, "rates", {})
     values = getattr(contents, "values_of", {})
+    outputs = {name for name in contents if name.partition(".")[0] == "actuator_outputs"}
+    lifts = {name for name in outputs if values.get(f"{name}/{LIFTS}", 0.0) > LIFTING}
+    others = outputs - (lifts or outputs)
     fast = {
-        name: columns for name, columns in contents.items() if rates.get(name, np.inf) >= slowest
+        name: columns
+        for name, columns in contents.items()
+        if rates.get(name, np.inf) >= slowest and name not in others
     }
-    outputs = [name for name in fast if name.partition(".")[0] == "actuator_outputs"]
-    lifts = [name for name in outputs if values.get(f"{name}/{LIFTS}", 0.0) > LIFTING]
-    for name in set(outputs) - set(lifts or outputs):
-        del fast[name]
     lifting = _lifting(parameters)
     throttle = _motor_throttle(fast, parameters, lifting)
     count = len(lifting) if lifting else len(throttle.columns)

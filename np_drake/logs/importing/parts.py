@@ -366,7 +366,8 @@ def _fitting(
         part, _ = within(signals, start, stop)
         own = judged(part, log_map, path)
         kinds, tested = ({law.split()[0] for law in laws} for laws in (verdict.failed, own.misfits))
-        if not own.failed and kinds <= tested:
+        brief = stop - start < 0.5 * np.ptp(clock_of(signals).t) and _shakes(verdict)
+        if not own.failed and kinds <= tested and not brief:
             since = f"from {start - origin:.1f} " if start > clock_of(signals).t[0] + WINDOW else ""
             whole = ", ".join(verdict.failed[:3]) or "its quantities"
             said = [
@@ -383,8 +384,8 @@ def _fitting(
 
 def _shakes(verdict: Verdict) -> bool:
     """Return whether all that fails is an acceleration that tells nothing, in whatever convention:
-    of vibrations that are sampled too slowly.
+    of vibrations that are sampled too slowly. Another force may act beside.
     """
-    wrong = [verdict.misfits[law] for law in verdict.failed if law.startswith("velocity")]
-    alone = len(wrong) == len(verdict.failed) and max(wrong, default=OPPOSED) < OPPOSED
-    return alone and not verdict.changes
+    wrong = [verdict.misfits[law] for law in verdict.failed if not law.startswith("lift")]
+    kinds = {law.split()[0] for law in verdict.failed} - {"lift"}
+    return kinds == {"velocity"} and max(wrong) < OPPOSED and not verdict.changes

@@ -51,7 +51,7 @@ def test_the_flight_before_a_rotor_stops_is_a_flight(flown, autopilots, import_p
     assert "what comes after it is left out" in stops[0]
 
 
-def test_a_rotor_whose_speed_is_told_no_more_while_it_flies_on_has_not_stopped(
+def test_a_rotor_told_no_more_while_the_vehicle_flies_on_has_not_stopped(
     fly, autopilots, import_px4
 ):
     calm = fly(seed=5, seconds=8.0, noise=1.0, vigour=0.5, attitude_noise=0.003)
@@ -62,7 +62,7 @@ def test_a_rotor_whose_speed_is_told_no_more_while_it_flies_on_has_not_stopped(
     assert any("the speed of rotor 3 is told no more" in line for line in found.said)
 
 
-def test_rotors_that_stop_together_have_landed_and_one_that_turns_again_read_nothing():
+def test_rotors_that_stop_together_land_and_zeros_between_are_no_readings():
     t = 0.01 * np.arange(300)
     own = np.full((300, 4), HOVER)
     own[250:] = 0.0
