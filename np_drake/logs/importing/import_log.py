@@ -348,6 +348,7 @@ def import_log(
     end = flights[-1].start + flights[-1].t[-1]
     told = [*recording.said, *_said_by(recording, origin, end), *said, *told]
     standing = tuple(line for line in [*told, *notes] if line.startswith((FITS, SAYS, TICKS)))
+    derived = tuple(flights[0].notes)
     for flight in flights:
         flight.notes += standing
     said = [*motors.notes, *told]
@@ -360,7 +361,7 @@ def import_log(
         flights,
         [*said, *recording.notes, *notes],
     )
-    return Imported(tuple(flights), Sheet(timing, content, layout, said=standing), tuple(said))
+    return Imported(tuple(flights), Sheet(timing, content, layout, said=standing), (*said, *derived))
 
 
 def _map_for(

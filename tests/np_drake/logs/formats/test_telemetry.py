@@ -8,7 +8,9 @@ import pytest
 pytest.importorskip("pymavlink", reason="MAVLink logs need pymavlink")
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import no_progress
 from np_drake.logs.formats.library import format_of
+from np_drake.logs.formats.telemetry import TELEMETRY
 from np_drake.logs.importing.import_log import import_log
 from tests.np_drake.diagnosis import simulated_flights
 from tests.np_drake.logs.formats import telemetry_writer as writer
@@ -74,13 +76,19 @@ def test_a_vehicle_that_boots_again_flies_twice(flown, tmp_path):
 def test_bytes_that_are_no_message_are_passed_over_and_counted(flown, tmp_path):
     path = tmp_path / "log.tlog"
     rows = writer.frames(flown, pulses(flown))
+    for at in range(1501, 1541, 8):
+        stamp, whole = rows[at]
+        rows[at] = stamp, whole[:1] + bytes([whole[1] ^ 0x40]) + whole[2:]  # its length is wrong
     writer.write(path, rows[:2000])
     whole = path.read_bytes()
     writer.write(path, rows[2000:])
     content = bytearray(whole + b"\x00\xfd\x07" * 9 + path.read_bytes()[:-4])
     content[20000] ^= 0xFF  # of a payload
-    content[30000 + content[30000:].index(b"\xfd") + 1] ^= 0x40  # a length
     path.write_bytes(content)
+    names = ("LOCAL_POSITION_NED", "ATTITUDE_QUATERNION", "SYS_STATUS", "VIBRATION")
+    wanted = {name: list(TELEMETRY.contents(path)[name])[:1] for name in names}
+    streams = TELEMETRY.read(path, wanted, no_progress).streams
+    assert sum(map(len, streams.values())) >= len(names) * len(flown) - 7  # one for each damage
     dut = import_log(path)
     assert len(dut.flights[0]) >= len(flown) - 3
     np.testing.assert_allclose(dut.flights[0].p[:600], flown.p[:600], atol=0.01)

@@ -122,6 +122,7 @@ def test_events_of_a_log_are_said_with_their_times(flown, autopilots, import_px4
             t, {"voltage_v": 0 * t, "warning": 1.0 * (flown.t >= 3.0) + (flown.t >= 5.0)}
         ),
         "vehicle_status": Stream(t, {"nav_state": 3.0 + 2.0 * (flown.t >= 4.0)}),
+        "failure_detector_status": Stream(t + 12.0, {"fd_roll": 1.0 * (flown.t > 1.0)}),  # after it
     }
     found = px4(import_px4, {"actuator_motors": autopilots.throttle(flown)}, beside)
     assert found.said == (
@@ -176,11 +177,13 @@ def test_motors_are_those_that_lift_and_not_a_gimbal(flown, autopilots, import_p
     limits = {
         f"PWM_AUX_{end}{n}": us for n in range(1, 5) for end, us in (("MIN", 1000), ("MAX", 2000))
     }
+    armed = 1500.0 + 100.0 * np.outer(flown.t > 0.1, [1.0, 1.0])
+    moving = np.column_stack([1000.0 + 1000.0 * ours, armed])
     thrust = Stream(flown.t + 1.0, {f"xyz[{i}]": -ours.mean(axis=1) * (i == 2) for i in range(3)})
     for parameters in (functions | limits, {"PWM_MIN": 1000, "PWM_MAX": 2000}):
         found = px4(
             import_px4,
-            {"actuator_outputs": gimbal, "actuator_outputs.1": 1000.0 + 1000.0 * ours},
+            {"actuator_outputs": gimbal, "actuator_outputs.1": moving},
             {"vehicle_thrust_setpoint": thrust},
             parameters=parameters,
         )
