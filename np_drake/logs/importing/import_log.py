@@ -361,7 +361,9 @@ def import_log(
         flights,
         [*said, *recording.notes, *notes],
     )
-    return Imported(tuple(flights), Sheet(timing, content, layout, said=standing), (*said, *derived))
+    return Imported(
+        tuple(flights), Sheet(timing, content, layout, said=standing), (*said, *derived)
+    )
 
 
 def _map_for(
