@@ -346,7 +346,7 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
 LONGEST_ZERO = 0.1  # in which no rotor stops and turns again [s]; own choice
 # speed over the median beyond which a reading is none: sixteen times its thrust [1]; own choice
 GLITCH = 4.0
-CARRIES = 0.5  # speed over the usual from which a rotor carries: a quarter of its thrust [1]
+CARRIES = 0.7  # speed over the usual from which a rotor carries: half of its thrust [1]; own choice
 STOPS = (
     0.25  # speed over the usual below which it stands: a sixteenth of its thrust [1]; own choice
 )
