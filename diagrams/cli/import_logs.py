@@ -31,7 +31,7 @@ def import_logs(
         Argument(
             metavar="LOG...",
             help="Logs: PX4 ULog, ROS bag or MCAP, Crazyflie micro-SD, ArduPilot DataFlash, "
-            "Betaflight blackbox, "
+            "MAVLink .tlog, Betaflight and INAV blackbox, "
             "Neural-Fly, CSV, Parquet.",
         ),
     ],

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import itertools
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -91,6 +92,31 @@ FIELDS = COLUMNS | {"thrust": THRUST}
 NAMES = tuple(name for group in COLUMNS.values() for name in group)
 
 
+LOOKS = {  # what a quantity is called, by field: its name in a map, and what its columns hold
+    "t": ("time", r"time|stamp|^t_?(s|ms|us|ns)?$"),
+    "q": ("attitude", r"quat|^q|\Wq\W|attitude|roll|pitch|yaw|euler|orient"),
+    "p": (
+        "position",
+        r"pos|^p_?[xyz]|^(?!.*(gyr|acc|vel|mag))(.*\W)?[xyz]$|\blat|\blon|alt|north|east",
+    ),
+    "v": ("velocity", r"vel|^v_?[xyz]|speed"),
+    "w": ("rates", r"gyr|^w_?[xyz]|omega_?[xyz]|(body|ang).*(rate|vel)"),
+    "a": ("acceleration", r"acc|^a_?[xyz]|force"),
+    "u": ("rotor_speed or throttle", r"(motor|rotor|throttle|pwm|esc|rpm|omega|actuator).*\d"),
+}
+
+
+def looking_like(names: Sequence[str], field: str) -> list[str]:
+    """Return the names, without their streams, of columns that look like those of a field."""
+    pattern = LOOKS.get(field, ("", "$^"))[1]
+    return [n for n in names if re.search(pattern, n.rpartition("/")[2], re.IGNORECASE)]
+
+
+def alike_first(names: Sequence[str], field: str) -> list[str]:
+    """Return the names in their order, those that look like a field's first."""
+    return list(dict.fromkeys([*looking_like(names, field), *names]))
+
+
 def present_fields(table: Table) -> list[str]:
     """Return the fields whose columns are present and not wholly empty.
 
@@ -116,7 +142,7 @@ def present_fields(table: Table) -> list[str]:
             raise table.error(
                 (
                     f"{state}; a flight log needs {', '.join(names)}. The header has: "
-                    f"{_shorten(list(table.columns))}."
+                    f"{shorten(alike_first(list(table.columns), field))}."
                 ),
                 column=name,
             )
@@ -141,7 +167,7 @@ def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
     log = FlightLog(**arrays, name=name)  # type: ignore[arg-type]
     extra = [column for column in table.columns if column not in NAMES]
     if extra:
-        log.notes.append(f"columns not used: {_shorten(extra)}")
+        log.notes.append(f"columns not used: {shorten(extra)}")
     return log
 
 
@@ -163,7 +189,8 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
     return kept
 
 
-def _shorten(names: list[str]) -> str:
+def shorten(names: Sequence[str]) -> str:
+    """Return the first eight names, as a list."""
     return ", ".join(names[:8]) + (", …" if len(names) > 8 else "")
 
 

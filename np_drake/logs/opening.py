@@ -18,7 +18,6 @@ from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.laws import check_units
 from np_drake.logs.importing.log_map import LogMap, MapFile
-from np_drake.logs.importing.parts import FITS
 from np_drake.logs.inputs import chosen_input, with_vehicle_input
 from np_drake.logs.rotors import Seen, in_vehicle_order, torques_seen
 from np_drake.vehicle import Vehicle, load_vehicle
@@ -89,7 +88,6 @@ def read_as_logged(
     if map is None and log_file.is_flight_log(path):
         return Opened(path, log_file.read(path))
     found = import_log(path, map, on_progress=on_progress)
-    found.flights[-1].notes.extend(line for line in found.said if line.startswith(FITS))
     return Opened(path, list(found.flights), found.sheet)
 
 

@@ -15,6 +15,7 @@ from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.flight_log import FlightLog
 from np_drake.logs import inputs, rotors
 from np_drake.logs.clock import FINEST, Lag, lag_of, state_lags
+from np_drake.logs.formats.format import CLIPS, SAYS
 from np_drake.logs.importing.laws import (
     OPPOSED,
     SCALE,
@@ -24,7 +25,7 @@ from np_drake.logs.importing.laws import (
     told_by_noise,
 )
 from np_drake.logs.importing.log_map import GRAVITY
-from np_drake.logs.importing.signals import Signal
+from np_drake.logs.importing.signals import TICKS, Signal
 from np_drake.logs.opening import rotor_lift
 from np_drake.logs.rotors import torque_agreement
 from np_drake.training_data.segments import white_noise
@@ -111,8 +112,8 @@ def doubts(flight: FlightResiduals) -> list[Doubt]:
     """Return what stands against a flight with a vehicle, the residual first."""
     log = flight.log
     # What a reader found of order and coefficient of the rotors, which is not that of the
-    # vehicle file.
-    known = (rotors.NOTE, inputs.COEFFICIENT_NOTE)
+    # vehicle file, and what the vehicle says of itself.
+    known = (rotors.NOTE, inputs.COEFFICIENT_NOTE, SAYS, TICKS)
     return [
         *_residual(flight),
         *_torque(flight),
@@ -135,6 +136,8 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
             Doubt(log.name, f"{flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)
         ]
     aside, failed, found = told_by_noise(own), failing(own), []
+    clips = any(note.startswith(CLIPS) for note in log.notes)
+    noisy = [law for law in aside if not (clips and law.startswith("velocity"))]
     lift = [law for law in failed if law.startswith("lift")]
     if other := [law for law in failed if law not in (*aside, *lift)]:
         laws = f"{', '.join(other)} contradict each other"
@@ -145,9 +148,9 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         why = "another force acts, or the attitude is wrong"
         why = "check attitude and frames" if opposed else why
         found.append(Doubt(log.name, f"{what}; {why}", fails=opposed))
-    if aside:
+    if noisy:
         found.append(
-            Doubt(log.name, f"{_misfit(aside, own)}: no more than noise or drift of a sensor")
+            Doubt(log.name, f"{_misfit(noisy, own)}: no more than noise or drift of a sensor")
         )
     late = ", ".join(
         f"{lag.late} {1e3 * lag.seconds:+.0f} ms after {lag.early}"

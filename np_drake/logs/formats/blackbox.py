@@ -1,4 +1,4 @@
-"""Blackbox logs of Betaflight and Indiflight: `.bbl`, `.bfl`, `.txt`.
+"""Blackbox logs of Betaflight, INAV and Indiflight: `.bbl`, `.bfl`, `.txt`.
 
 A file holds one log or several, each from its own header on. A header is lines `H name:value`;
 those named `Field I name`, `Field P encoding` and so on tell the fields. Streams are `main` (fields
@@ -88,6 +88,8 @@ def default_map(contents: Contents) -> LogMap | None:
     the thrust that it asks for, over the largest one.
     """
     told = getattr(contents, "parameters", {})
+    if "inav" in told:
+        return _inav_map(contents)
     indiflight = "indiflight" in told
     if not indiflight and "betaflight" not in told:
         return None
@@ -146,6 +148,33 @@ def default_map(contents: Contents) -> LogMap | None:
         else first_source(
             contents, [indexed("main/setpoint", 3)], unit="deg/s", axes="body", body="flu"
         ),
+    )
+
+
+def _inav_map(contents: Contents) -> LogMap:
+    """Return the map of INAV's names: x forward, y left, z up, and north, east, up for position and
+    velocity, whose y is turned to the west. Yaw grows to the right.
+    Source: INAV, navigation and blackbox of its sources.
+    """
+    told = getattr(contents, "parameters", {})
+    return LogMap(
+        format="blackbox",
+        command="held_after" if told.get("P interval", 1.0) == 1 else "sampled",
+        position=first_source(contents, [indexed("main/navPos", 3)], unit="cm", signs=[1, -1, 1]),
+        velocity=first_source(contents, [indexed("main/navVel", 3)], unit="cm/s", signs=[1, -1, 1]),
+        attitude=first_source(
+            contents, [indexed("main/attitude", 3)], unit="deg", scale=0.1, signs=[1, 1, -1]
+        ),
+        rates=first_source(contents, [indexed("main/gyroADC", 3)], unit="deg/s"),
+        acceleration=first_source(
+            contents,
+            [indexed("main/accSmooth", 3)] if told.get("acc_1G", 0) >= 1 else [],
+            unit="g",
+            scale=1 / max(told.get("acc_1G", 1.0), 1.0),
+        ),
+        throttle=motors(contents).throttle,
+        voltage=first_source(contents, [["main/vbat"]], unit="V", scale=0.01),
+        commanded_rates=first_source(contents, [indexed("main/axisRate", 3)], unit="deg/s"),
     )
 
 
@@ -637,10 +666,12 @@ def _facts(session: _Session) -> dict[str, str]:
 
 BLACKBOX = Format(
     "blackbox",
-    "Betaflight or Indiflight blackbox",
+    "Betaflight, INAV or Indiflight blackbox",
     lambda path, start: MARK in start,
     _contents,
     default_map,
     _read,
     motors,
+    " Betaflight logs no position: it is integrated where gyro, accelerometer and motors are "
+    "logged (set blackbox_disable_acc = OFF).",
 )

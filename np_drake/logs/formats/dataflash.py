@@ -24,6 +24,8 @@ from np_drake.checks import require
 from np_drake.files.file_access import decompressed_start, uncompressed
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import (
+    COUNTED,
+    FEW_CLIPS,
     Contents,
     Format,
     Motors,
@@ -33,6 +35,7 @@ from np_drake.logs.formats.format import (
     Stream,
     first_source,
     no_progress,
+    shaking,
 )
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.vehicle.rotor_layout import RotorLayout
@@ -167,6 +170,37 @@ PRIMARY = "primary"  # in place of an instance
 LANES = {
     name: f"{kind}4" for kind in ("XKF", "NKF") for name in (f"{kind}1", f"{kind[:2]}Q")
 }  # messages with the lane
+
+
+SUBSYSTEMS = (  # of ERR, from 1. Source: ArduPilot, LogErrorSubsystem
+    *("main", "radio", "compass", "optical flow", "radio failsafe", "battery failsafe"),
+    *("GPS failsafe", "ground station failsafe", "fence failsafe", "flight mode", "GPS"),
+    *("crash check", "flip", "autotune", "parachute", "EKF check", "EKF failsafe", "barometer"),
+    *("CPU", "ADSB failsafe", "terrain", "navigation", "terrain failsafe", "EKF primary"),
+    *("thrust loss check", "sensor failsafe", "leak failsafe", "pilot input"),
+    *("vibration failsafe", "internal error", "dead reckoning failsafe"),
+)
+VIBRATIONS = ("VibeX", "VibeY", "VibeZ")
+MOST_VIBRATION = 30.0  # of VIBE [m/s²]. Source: ArduPilot, "Measuring Vibration"
+
+
+def shaken(
+    seconds: float, clips: np.ndarray, vibrations: np.ndarray, name: str
+) -> tuple[tuple[int, ...], list[str]]:
+    """Return the axes along which an accelerometer clips, all as ArduPilot does not tell which, and
+    the line on vibration, if any.
+
+    Args:
+        seconds: for which it is logged [s].
+        clips: (n, k) counters of the samples that clip.
+        vibrations: (n, 3) by axis [m/s²].
+    """
+    if not len(clips):
+        return (), []
+    most = float(np.max(np.ptp(clips, axis=0), initial=0.0))
+    level = float(np.max(np.median(vibrations, axis=0), initial=0.0))
+    axes = (0, 1, 2) if most > FEW_CLIPS * COUNTED * seconds else ()
+    return axes, shaking(level, MOST_VIBRATION, name)
 
 
 class _Message:
@@ -312,7 +346,32 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         (float(t), f"the autopilot switches from core {own:g} of its estimator to core {other:g}")
         for t, own, other in zip(since[1:], lane[:-1], lane[1:], strict=True)
     )
-    return Recording(str(path), streams, _facts(log), notes, breaks=breaks)
+    clips, said = _shaken(log)
+    return Recording(
+        str(path), streams, _facts(log), notes, tuple(said), breaks, tuple(_errors(log)), clips
+    )
+
+
+def _errors(log: _Log) -> Iterator[tuple[float, str]]:
+    """Yield the times since boot [s] at which a subsystem reports an error, and which."""
+    for t, subsystem, code in log.texts("ERR", "TimeUS", "Subsys", "ECode"):
+        number = int(_number(subsystem))
+        if _number(code) > 0 and 0 < number <= len(SUBSYSTEMS):
+            yield _number(t) * 1e-6, SUBSYSTEMS[number - 1]
+
+
+def _shaken(log: _Log) -> tuple[tuple[int, ...], list[str]]:
+    """Return what `shaken` does of VIBE, of its first instance."""
+    message = log.messages.get("VIBE")
+    if message is None or not message.time or not set(VIBRATIONS) <= set(message.numbers):
+        return (), []
+    counters = [name for name in message.numbers if name.startswith("Clip")]
+    numbered = [message.instance] if message.instance else []
+    rows = message.values([message.time, *VIBRATIONS, *counters, *numbered])
+    rows = rows[rows[:, -1] == 0] if numbered else rows
+    last = 4 + len(counters)
+    seconds = float(np.ptp(rows[:, 0])) * TIMES[message.time] if len(rows) else 0.0
+    return shaken(seconds, rows[:, 4:last], rows[:, 1:4], "VIBE")
 
 
 def _stream(log: _Log, name: str, columns: list[str]) -> Stream:

@@ -44,8 +44,11 @@ class Recording:
     facts: what its header says (vehicle, firmware, parameters), for the sheet. notes: what the
         decoder left out or mended, one line each.
     said: more of them, which the screen says as well. breaks: times [s] at which the log states a
-        switch, with the reason; one that ends in `?` is a
-        break where it shows.
+        switch, with the reason; one that ends in `?` is a break where it shows, one that ends in
+        `!` the end of the flight.
+    events: times [s] of what the vehicle says of itself, with what it is.
+    clips: body axes along which the accelerometer reaches its limit in more samples than
+        `FEW_CLIPS`.
     units: that the file states, by column.
     """
 
@@ -55,12 +58,25 @@ class Recording:
     notes: tuple[str, ...] = ()
     said: tuple[str, ...] = ()
     breaks: tuple[tuple[float, str], ...] = ()
+    events: tuple[tuple[float, str], ...] = ()
+    clips: tuple[int, ...] = ()
     units: Mapping[str, str] = dc.field(default_factory=dict)
 
     @property
     def contents(self) -> Contents:
         """Names of the columns of every stream."""
         return {name: tuple(stream.columns) for name, stream in self.streams.items()}
+
+
+SAYS = "the log says: "  # beginning of a line on what a vehicle says of itself
+CLIPS = f"{SAYS}the accelerometer clips"
+FEW_CLIPS = 0.01  # share of samples that may clip [1]; own choice
+COUNTED = 1000.0  # least rate of an accelerometer whose samples that clip are counted [Hz]
+
+
+def shaking(level: float, most: float, name: str) -> list[str]:
+    """Return the line on an IMU that shakes by more than its autopilot allows [m/s²], or none."""
+    return [f"{SAYS}the IMU shakes by more than {most:g} m/s2 ({name})"] * (level > most)
 
 
 class Scanned(dict[str, tuple[str, ...]]):
@@ -178,13 +194,14 @@ class Format:
     """One format of flight logs, each in a file of this folder.
 
     name: as in a map's `format`.   title: for people.
-    recognises: whether a file is of this format, from its path and its first 4096 bytes.
+    recognises: whether a file is of this format, from its path and its first bytes.
     contents: names of streams and columns, and facts of the header, read without the rows where the
         format allows.
     default_map: the map where the log's own names say what they hold; None where only its user
         knows.
     read: the streams and columns that are wanted; memory must not grow with what is not. Calls its
         last argument with the share of the file that is read.
+    advice: sentence on what a vehicle logs, where a log lacks something; with a space before it.
     motors: which columns drive the rotors, of a format whose logs state it.
     All raise LogError, one line with file, place and remedy, on a damaged file or without the
     library.
@@ -197,12 +214,16 @@ class Format:
     default_map: Callable[[Contents], LogMap | None]
     read: Callable[[Path, Mapping[str, list[str]], Progress], Recording]
     motors: Callable[[Contents], Motors] = lambda contents: Motors()
+    advice: str = ""
+
+
+FIRST = 4096  # bytes by which a format is recognised; own choice
 
 
 def first_bytes(path: Path) -> bytes:
-    """Return the first 4096 bytes of a file, by which a format recognises it; none of a folder."""
+    """Return the first `FIRST` bytes of a file; none of a folder."""
     if path.is_dir():
         return b""
     require_plain_file(path)
     with path.open("rb") as file:
-        return file.read(4096)
+        return file.read(FIRST)

@@ -6,9 +6,10 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox import BLACKBOX
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.dataflash import DATAFLASH
-from np_drake.logs.formats.format import Format, first_bytes
+from np_drake.logs.formats.format import FIRST, Format, first_bytes
 from np_drake.logs.formats.ros import ROS
 from np_drake.logs.formats.table import NEURAL_FLY, TABLE
+from np_drake.logs.formats.telemetry import TELEMETRY
 from np_drake.logs.formats.text_table import encoding_of
 from np_drake.logs.formats.ulog import ULOG
 
@@ -17,10 +18,26 @@ FORMATS: tuple[Format, ...] = (  # the first that recognises a file reads it
     BLACKBOX,
     ULOG,
     DATAFLASH,
+    TELEMETRY,
     ROS,
     NEURAL_FLY,
     TABLE,  # any CSV: last
 )
+
+
+KNOWN = {  # beginning of a file that is no log yet: what it is, and how it becomes one
+    b"ULogEnc": "an encrypted PX4 log; decrypt it with the private key of its vehicle (PX4's "
+    "Tools/decrypt_ulog.py), and give the .ulg",
+    bytes(FIRST): "a file of zeros, as a card leaves it that lost its power; copy it again from "
+    "the vehicle",
+    b"version https://git-lfs": "a pointer of Git LFS, without the file; run git lfs pull",
+    b"<!DOCTYPE html": "a web page; download the log itself",
+    b"<html": "a web page; download the log itself",
+    b"PK\x03\x04": "a zip archive; unpack it, and give the log in it",
+    b"7z\xbc\xaf\x27\x1c": "a 7-Zip archive; unpack it, and give the log in it",
+    b"\x89HDF": "an HDF5 file; write its columns as a table",
+    b"MATLAB 5.0": "a file of MATLAB; write its columns as a table",
+}
 
 
 def format_of(path: str | Path, name: str = "") -> Format:
@@ -29,13 +46,16 @@ def format_of(path: str | Path, name: str = "") -> Format:
         opened.
     """
     path = Path(path)
+    start = first_bytes(path)
+    for beginning, what in KNOWN.items():
+        if start.startswith(beginning):
+            raise LogError(f"{path}: must hold a flight log; it is {what}.")
     if name:
         if name not in (names := {known.name: known for known in FORMATS}):
             raise LogError(
                 f"{path}: the map's format must be one of {', '.join(names)}; got {name!r}."
             )
         return names[name]
-    start = first_bytes(path)
     if not start and not path.is_dir():
         raise LogError(
             f"{path}: must hold a flight log; it is empty. Copy it again from the vehicle."

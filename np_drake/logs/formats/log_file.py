@@ -66,7 +66,7 @@ def read(path: str | Path) -> list[FlightLog]:
         name = file if len(parts) == 1 else f"{file} part {number}"
         log = columns.assemble(part, fields, name)
         log.bridged = bridged if bridged.any() else None
-        log.notes[:0] = split
+        log.notes[:0] = [*split, *sheet.said]
         log.timing, log.layout, log.start = sheet.timing, sheet.rotors, sheet.start
         known = inputs_of(log)
         if not known:

@@ -20,6 +20,8 @@ import numpy as np
 from np_drake.checks import require
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import (
+    COUNTED,
+    FEW_CLIPS,
     Contents,
     Format,
     Motors,
@@ -30,6 +32,7 @@ from np_drake.logs.formats.format import (
     first_source,
     indexed,
     no_progress,
+    shaking,
 )
 from np_drake.logs.importing.log_map import SIZES, LogMap, Source
 from np_drake.logs.importing.signals import SLOWEST_ROTORS
@@ -57,15 +60,19 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
     """
     parameters: Parameters = getattr(contents, "parameters", {})
     rates = getattr(contents, "rates", {})
+    values = getattr(contents, "values_of", {})
+    outputs = {name for name in contents if name.partition(".")[0] == "actuator_outputs"}
+    lifts = {name for name in outputs if values.get(f"{name}/{LIFTS}", 0.0) > LIFTING}
+    others = outputs - (lifts or outputs)
     fast = {
-        name: columns for name, columns in contents.items() if rates.get(name, np.inf) >= slowest
+        name: columns
+        for name, columns in contents.items()
+        if rates.get(name, np.inf) >= slowest and name not in others
     }
     lifting = _lifting(parameters)
     throttle = _motor_throttle(fast, parameters, lifting)
     count = len(lifting) if lifting else len(throttle.columns)
-    speed = (
-        Source() if count > 4 else _rotor_speed(fast, getattr(contents, "values_of", {}), lifting)
-    )
+    speed = Source() if count > 4 else _rotor_speed(fast, values, lifting)
     notes = (
         []
         if count in (0, 4)
@@ -239,6 +246,14 @@ def _rotor_speed(contents: Contents, values: Mapping[str, float], lifting: Seque
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
 LONGEST_DELAY = 1_000_000  # of a message; beyond, timestamp_sample means something else [us]
 PROBED = ("esc_status", "actuator_motors", "actuator_outputs")  # their unused columns are left out
+STILL = 0.1  # changes over those of the liveliest, up to which an output is no motor; own choice
+LIFTS = "lifts"  # in place of a column: correlation of its outputs with the collective thrust
+LIFTING = 0.5  # correlation from which outputs are those of motors, not of a gimbal [1]; own choice
+COLLECTIVE = (  # setpoints of the collective thrust, and the sign of it in each
+    ("vehicle_thrust_setpoint", "xyz[2]", -1.0),
+    ("actuator_controls_0", "control[3]", 1.0),
+    ("vehicle_attitude_setpoint", "thrust_body[2]", -1.0),
+)
 LARGEST_MESSAGE = 65_535  # [bytes], its size is a uint16
 MOST_FIELDS = 200_000  # of all subscriptions together
 # They act when they are published, whatever they were computed from.
@@ -255,6 +270,26 @@ HEADER_FACTS = {
     "ver_sw_branch": "software branch",
     "sys_uuid": "vehicle",
 }
+WARNS = 4  # level of a message, from which on it is no news
+STATUS: dict[str, dict[int, str] | str] = {  # what a status says by its value, or any but 0
+    "battery_status/warning": {1: "battery low", 2: "battery critical", 3: "battery empty"},
+    "vehicle_status/failsafe": "failsafe",
+    "vehicle_status/engine_failure": "a motor fails",
+    "vehicle_status/failure_detector_status": "failure detected",
+    "vehicle_status/nav_state": {
+        5: "mode return",
+        12: "mode descend",
+        13: "mode terminate",
+        18: "mode land",
+    },
+    "failure_detector_status/fd_motor": "a motor fails",
+    "failure_detector_status/fd_roll": "roll beyond its limit",
+    "failure_detector_status/fd_pitch": "pitch beyond its limit",
+    "estimator_status/filter_fault_flags": "the estimator fails",
+    **{f"esc_status/esc[{i}].failures": f"the ESC of motor {i + 1} fails" for i in range(8)},
+}  # Source: PX4's message reference
+COUNTERS, FLAGS = "vehicle_imu_status", "accelerometer_clipping"  # of samples that clip
+MOST_VIBRATION = 9.81  # of accel_vibration_metric [m/s²]. Source: PX4 Flight Review, its red zone
 VALID = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")  # of a local position
 RESETS = "_reset_counter"  # end of the names of its counters
 NO_COLUMN = re.compile(r"timestamp|(.*\.)?_padding[^.]*", re.DOTALL)  # field that is none
@@ -354,7 +389,8 @@ def _stream_name(data: Any) -> str:
 def _contents(path: Path) -> Contents:
     """Return the fields of every message that has a row.
 
-    Columns of rotors that never change are left out: an ESC, motor or output that is not there.
+    Columns of rotors that hardly ever change are left out: an ESC, motor or output that is not
+    there, or only armed.
     Raises: LogError: if it is no ULog file, or pyulog is not installed.
     """
     log, _ = _parse(Path(path), None, no_progress)
@@ -374,16 +410,35 @@ def _contents(path: Path) -> Contents:
             rates[name] = (len(t) - 1) * 1e6 / span if span else 0.0
             functions = [c for c in columns if c.endswith(".actuator_function")]
             values |= {f"{name}/{c}": float(data.data[c][-1]) for c in functions}
-            columns = [
-                c
+            moves = {
+                c: np.count_nonzero(np.diff(data.data[c][np.isfinite(data.data[c])]))
                 for c in columns
-                if not ROTOR_COLUMN.fullmatch(c)
-                or len(np.unique(data.data[c][np.isfinite(data.data[c])])) > 1
-            ]
+                if ROTOR_COLUMN.fullmatch(c)
+            }
+            least = STILL * max(moves.values(), default=0)
+            columns = [c for c in columns if moves.get(c, np.inf) > least]
+            outputs = [data.data[c].astype(float) for c in columns if c in moves]
+            values[f"{name}/{LIFTS}"] = _lift(log, t, outputs)
         found.setdefault(name, tuple(columns))
     numbers = log.initial_parameters.items()
     parameters = {n: float(v) for n, v in numbers if isinstance(v, int | float) and np.isfinite(v)}
     return Scanned(found, parameters, rates, values)
+
+
+def _lift(log: Any, t: np.ndarray, outputs: Sequence[np.ndarray]) -> float:
+    """Return the highest correlation with the collective thrust of any of the outputs (n,), and of
+    their mean [1]; 0: none.
+    """
+    data = {own.name: own.data for own in log.data_list}
+    known = [(data[n], field, sign) for n, field, sign in COLLECTIVE if field in data.get(n, ())]
+    if not known or not outputs:
+        return 0.0
+    own, field, sign = known[0]
+    thrust = np.interp(t, own["timestamp"], np.nan_to_num(sign * own[field]))
+    tried = [np.nan_to_num(x - np.nanmean(x)) for x in (*outputs, np.mean(outputs, axis=0))]
+    thrust = thrust - thrust.mean()
+    sizes = [max(float(np.linalg.norm(x) * np.linalg.norm(thrust)), 1e-12) for x in tried]
+    return max(float(x @ thrust) / size for x, size in zip(tried, sizes, strict=True))
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -394,7 +449,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     latter of commands.
     Raises: LogError: if it is no ULog file, a field is not there, or pyulog is not installed.
     """
-    log, cut = _parse(Path(path), sorted({name.split(".")[0] for name in wanted}), progress)
+    told = {name.split("/")[0] for name in STATUS} | {COUNTERS}
+    names = {name.split(".")[0] for name in wanted}
+    log, cut = _parse(Path(path), sorted(names | told), progress)
     streams: dict[str, Stream] = {}
     delays: dict[str, float] = {}
     notes: list[str] = []
@@ -429,7 +486,56 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         said += [f"{name}: {', '.join(never)} never valid"] if never else []
         resets += _resets(t, flags)
     notes = [*_damage(log, cut), *_timing(wanted, delays), *notes]
-    return Recording(str(path), streams, _facts(log), tuple(notes), tuple(said), tuple(resets))
+    clips, clipped, shakes = _shaken(log)
+    return Recording(
+        str(path),
+        streams,
+        _facts(log),
+        (*notes, *clipped),
+        (*said, *shakes),
+        tuple(resets),
+        tuple(_events(log)),
+        clips,
+    )
+
+
+def _events(log: Any) -> Iterator[tuple[float, str]]:
+    """Yield the times since the start of the log [s] at which a status changes or the vehicle
+    warns, and what it says.
+    """
+    for data in log.data_list:
+        t = (data.data["timestamp"].astype(np.int64) - int(log.start_timestamp)) / 1e6
+        for name, meaning in STATUS.items():
+            message, _, field = name.partition("/")
+            values = data.data.get(field, t[:0]) if data.name == message else t[:0]
+            for row in np.flatnonzero(np.diff(np.nan_to_num(values), prepend=0)):
+                said = meaning if isinstance(meaning, str) else meaning.get(int(values[row]), "")
+                if values[row] and said:
+                    yield float(t[row]), said
+    for message in log.logged_messages:
+        if message.log_level - ord("0") <= WARNS:
+            yield (message.timestamp - log.start_timestamp) / 1e6, f"{message.message!r}"
+
+
+def _shaken(log: Any) -> tuple[tuple[int, ...], list[str], list[str]]:
+    """Return the axes along which the accelerometer clips, by the flags and counters of the log,
+    notes on these, and lines on vibration.
+    """
+    shares, notes, said = np.zeros(3), [], list[str]()
+    for data in log.data_list:
+        values, seconds = data.data, float(np.ptp(data.data["timestamp"])) / 1e6
+        counts, most = np.zeros(3), COUNTED * seconds
+        if FLAGS in values:
+            counts = np.sum(values[FLAGS].astype(int)[:, None] >> np.arange(3) & 1, axis=0)
+            most = len(values[FLAGS])
+        elif data.name == COUNTERS:
+            counts = np.array([np.ptp(values.get(c, 0)) for c in indexed("accel_clipping", 3)])
+            level = float(np.median(values.get("accel_vibration_metric", 0)))
+            said += shaking(level, MOST_VIBRATION, "accel_vibration_metric")
+        if np.any(counts):
+            notes.append(f"{data.name}: {counts.sum():.0f} samples of the accelerometer clip.")
+        shares = np.maximum(shares, counts / max(most, 1.0))
+    return tuple(np.flatnonzero(shares > FEW_CLIPS).tolist()), notes, said
 
 
 def _times(
@@ -547,13 +653,11 @@ def _default_map(contents: Contents) -> LogMap | None:
     """
     position, velocity, odometry = _position(contents)
     fast = motors(contents, SLOWEST_ROTORS)
-    collective = (
-        first_source(contents, [["vehicle_thrust_setpoint/xyz[2]"]], unit="1", scale=-1.0)
-        or first_source(contents, [["actuator_controls_0/control[3]"]], unit="1")
-        or first_source(
-            contents, [["vehicle_attitude_setpoint/thrust_body[2]"]], unit="1", scale=-1.0
-        )
+    setpoints = (
+        first_source(contents, [[f"{name}/{field}"]], unit="1", scale=sign)
+        for name, field, sign in COLLECTIVE
     )
+    collective = next((source for source in setpoints if source), Source())
     found = LogMap(
         format="ulog",
         world="ned",
@@ -571,7 +675,7 @@ def _default_map(contents: Contents) -> LogMap | None:
         acceleration=first_source(
             contents, _FORCES, unit="m/s2", axes="body", kind="specific_force"
         ),
-        rotor_speed=fast.rotor_speed,
+        rotor_speed=motors(contents).rotor_speed,
         throttle=fast.throttle
         if len(fast.throttle.columns) == 4
         else collective or fast.throttle or motors(contents).throttle,

@@ -53,7 +53,7 @@ def find_breaks(
 
     Args:
         stated: time [s] and reason of the breaks that the format states; a reason that ends in `?`
-            is one if it shows.
+            is one if it shows; behind one that ends in `!` nothing is kept.
     """
     found = list(known)
     place = next(
@@ -62,7 +62,9 @@ def find_breaks(
     asked = [(t, reason) for t, reason in stated if reason.endswith("?")]
     for t, reason in stated:
         k = int(np.searchsorted(place.t, t))
-        if not reason.endswith("?") and 0 < k < len(place.t):
+        if reason.endswith("!"):
+            found.append(Break(t, np.inf, reason[:-1]))
+        elif not reason.endswith("?") and 0 < k < len(place.t):
             found.append(Break(float(place.t[k - 1]), float(place.t[k]), reason))
     for own in (signals[name] for name in (*STATE, *INPUTS) if name in signals):
         interval = np.diff(own.t)

@@ -13,9 +13,11 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
-from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS
+from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS, LOOKS, looking_like, shorten
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import (
+    CLIPS,
+    SAYS,
     Contents,
     Format,
     Motors,
@@ -26,7 +28,9 @@ from np_drake.logs.formats.format import (
 )
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
+from np_drake.logs.importing.alignment import in_frames
 from np_drake.logs.importing.breaks import (
+    MOST_SAID,
     after_the_start,
     find_breaks,
     split,
@@ -35,22 +39,21 @@ from np_drake.logs.importing.breaks import (
 )
 from np_drake.logs.importing.conventions import Verdict, as_text, require_a_likely_clock
 from np_drake.logs.importing.laws import SCALE, failing
-from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source
-from np_drake.logs.importing.parts import Part, imported_parts, require_a_flight
+from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source, convert_quantity
+from np_drake.logs.importing.parts import FITS, Part, imported_parts, require_a_flight
 from np_drake.logs.importing.signals import (
+    TICKS,
     Signal,
     Signals,
     clock_of,
     gather,
     require_stated_units,
+    stopped_rotor,
     usable_inputs,
     with_map_time,
 )
 from np_drake.logs.inputs import lift_fit
 from np_drake.vehicle.vehicle import STRONGEST
-
-# In names of what turns rotors.
-DRIVES = re.compile(r"(motor|rotor|throttle|pwm|esc|rpm|omega|actuator).*\d", re.IGNORECASE)
 
 
 def lacking(contents: Contents) -> str:
@@ -71,12 +74,22 @@ def lacking(contents: Contents) -> str:
     return "; ".join(what for what, is_told in told.items() if not is_told) if here else ""
 
 
-def input_line(contents: Contents) -> str:
-    """Return which columns of a log may be its motors; empty: none."""
-    names = [name for columns in contents.values() for name in columns if DRIVES.search(name)]
-    return (
-        f" Its columns {names[0]} … {names[-1]} may be such; name them in a map." if names else ""
-    )
+def looks(contents: Contents, fields: str) -> str:
+    """Return a sentence on the columns of a log that look like fields that it lacks; empty: none
+    does.
+
+    Args:
+        fields: as keys of `LOOKS`, one letter each.
+    """
+    names = [
+        f"{stream}/{name}" if len(contents) > 1 else name
+        for stream, columns in contents.items()
+        for name in columns
+    ]
+    missing = [field for field in fields if not set(COLUMNS[field]) <= set(names)]
+    found = {LOOKS[field][0]: looking_like(names, field) for field in missing}
+    said = [f"{what}: {shorten(alike)}" for what, alike in found.items() if alike]
+    return f" Columns that look like {'; '.join(said)}." if said else ""
 
 
 Parts = tuple[LogMap, list[Part], list[str]]  # map, what was made of every part, lines
@@ -254,7 +267,7 @@ def _ground_notes(part: Part) -> list[str]:
 
 GIVE_MAP = "Give a map (--map FILE, docs/reference/log-map.md)"
 ENDINGS = re.compile(
-    r"(\.(csv|tsv|txt|parquet|ulg|bin|log|mcap|db3|bag|bbl|bfl))?(\.gz)?$", re.IGNORECASE
+    r"(\.(csv|tsv|txt|parquet|ulg|bin|tlog|log|mcap|db3|bag|bbl|bfl))?(\.gz)?$", re.IGNORECASE
 )
 
 
@@ -309,7 +322,7 @@ def import_log(
         ).check()
     except ValueError as error:
         raise LogError(f"{path}: {error}") from None
-    require_a_flight(log_map, f"{path}", input_line(contents))
+    require_a_flight(log_map, f"{path}", lambda fields: known.advice + looks(contents, fields))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
     signals, said, notes, origin = _signals_of_parts(recording, log_map, str(path))
@@ -332,7 +345,13 @@ def import_log(
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
         flight.timing, flight.layout = timing, layout
         flight.start += beside.start
-    said = [*motors.notes, *recording.said, *said, *told]
+    end = flights[-1].start + flights[-1].t[-1]
+    told = [*recording.said, *_said_by(recording, origin, end), *said, *told]
+    standing = tuple(line for line in [*told, *notes] if line.startswith((FITS, SAYS, TICKS)))
+    derived = tuple(flights[0].notes)
+    for flight in flights:
+        flight.notes += standing
+    said = [*motors.notes, *told]
     content = sheet_content(
         path,
         known.title,
@@ -342,7 +361,9 @@ def import_log(
         flights,
         [*said, *recording.notes, *notes],
     )
-    return Imported(tuple(flights), Sheet(timing, content, layout), tuple(said))
+    return Imported(
+        tuple(flights), Sheet(timing, content, layout, said=standing), (*said, *derived)
+    )
 
 
 def _map_for(
@@ -374,13 +395,12 @@ def _map_for(
         if lacks := lacking(contents):
             raise LogError(
                 f"{path}: the names of its columns must tell what they hold; none tells "
-                f"{lacks}. {GIVE_MAP}."
+                f"{lacks}. {GIVE_MAP}.{looks(contents, 'tqpvwa')}"
             )
         names = ", ".join(f"{s}/{c}" for s, columns in contents.items() for c in columns[:4])
         raise LogError(
             f"{path}: the names of this log ({known.title}) do not tell what its columns "
-            f"hold. {GIVE_MAP}. It has "
-            f"{names[:200]} …"
+            f"hold. {GIVE_MAP}.{looks(contents, 'qpvwau') or f' It has {names[:200]} …'}"
         )
     return known, contents, found.check(), motors
 
@@ -409,12 +429,13 @@ def _signals_of_parts(
     signals, notes = gather(recording, log_map)
     require_a_likely_clock(signals, log_map, path)
     origin = float(clock_of(signals).t[0])
+    ends = _ends(signals, log_map)
+    signals, slow = usable_inputs(signals, log_map)
     signals, short = within(
         signals, origin + (log_map.start or -np.inf), origin + (log_map.stop or np.inf)
     )
     require(not short, f"{path}: start and stop must leave samples; {short} in them.", LogError)
-    signals, slow = usable_inputs(signals, log_map)
-    breaks = find_breaks(signals, log_map, recording.breaks, merged)
+    breaks = find_breaks(signals, log_map, [*recording.breaks, *ends], merged)
     parts, broken = split(signals, breaks, origin)
     require(
         parts,
@@ -422,3 +443,40 @@ def _signals_of_parts(
         LogError,
     )
     return parts, [*said, *slow, *broken], notes, origin
+
+
+TUMBLES = 3.0  # body rate to which a rotor that stops turns a vehicle [rad/s]; own choice
+
+
+def _ends(signals: Signals, log_map: LogMap) -> list[tuple[float, str]]:
+    """Return when a rotor stops in flight [s], and a reason that ends it; none: none does."""
+    speeds = signals.get("rotor_speed")
+    found = stopped_rotor(speeds) if speeds is not None else None
+    if found is None:
+        return []
+    t, number = found
+    rates = signals["rates"] if "rates" in signals else in_frames(signals, log_map, [])["rates"]
+    turns = np.abs(convert_quantity("rates", rates.between(t, np.inf).values, log_map))
+    tumbles = turns.max(initial=0.0) > TUMBLES
+    what = f"rotor {number} stops" if tumbles else f"the speed of rotor {number} is told no more"
+    return [(t, f"{what}!")]
+
+
+AFTER = 2.0  # the end of what is analysed, in which an event may tell why it ends [s]; own choice
+
+
+def _said_by(recording: Recording, origin: float, end: float) -> list[str]:
+    """Return lines on what a vehicle says of itself between two times [s]."""
+    events: dict[str, list[float]] = {}
+    for t, what in sorted(recording.events):
+        if origin <= t < end + AFTER:
+            events.setdefault(what, []).append(t - origin)
+    told = [
+        f"{what} at {times[0]:.2f} s" + f" ({len(times)} times)" * (len(times) > 1)
+        for what, times in events.items()
+    ]
+    more = [f"{len(told) - MOST_SAID} more"] if len(told) > MOST_SAID else []
+    axes = ", ".join("xyz"[i] for i in recording.clips)
+    what = "vertical" if 2 in recording.clips else "lateral"
+    said = [f"{CLIPS} along body {axes}: {what} force is unreliable"] if axes else []
+    return said + ([SAYS + "; ".join(told[:MOST_SAID] + more)] if told else [])

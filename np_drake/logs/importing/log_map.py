@@ -103,7 +103,7 @@ class Source:
 class LogMap:
     """Columns and conventions of a log (docs/reference/log-map.md)."""
 
-    # crazyflie | blackbox | ulog | dataflash | ros | neural_fly | table; empty: as the file looks
+    # crazyflie | blackbox | ulog | dataflash | tlog | ros | neural_fly | table; empty: as it looks
     format: str = ""
     world: str = word("enu", *WORLDS)  # frame of the world: enu (z up) | ned (z down)
     body: str = word("flu", *BODIES)  # of the body: flu (z along the thrust) | frd (z against it)

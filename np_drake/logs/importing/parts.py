@@ -3,7 +3,7 @@ flights in it.
 """
 
 import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from np_drake.logs.importing.conventions import (
     fitting_stretch,
     judged,
 )
-from np_drake.logs.importing.laws import FASTEST_ROTOR, WINDOW, stretches
+from np_drake.logs.importing.laws import FASTEST_ROTOR, OPPOSED, WINDOW, stretches
 from np_drake.logs.importing.log_map import GRAVITY, UNITS, LogMap, convert_quantity
 from np_drake.logs.importing.signals import FASTER, Signals, clock_of, is_slow
 
@@ -105,11 +105,11 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
         )
 
 
-def require_a_flight(log_map: LogMap, path: str, inputs: str = "") -> None:
+def require_a_flight(log_map: LogMap, path: str, looks: Callable[[str], str]) -> None:
     """Check that the map names what a flight log needs, before anything is read.
 
     Args:
-        inputs: which of its columns may be an input, for the message.
+        looks: returns a sentence on the columns that look like fields.
     Raises: LogError: if it does not.
     """
     needs = (
@@ -117,19 +117,22 @@ def require_a_flight(log_map: LogMap, path: str, inputs: str = "") -> None:
             log_map.attitude or log_map.in_body,
             "attitude, or of rates and acceleration in body axes, as a gyro and an accelerometer "
             "read them; a flight log needs these.",
+            "qwa",
         ),
         (
             log_map.position or log_map.velocity or log_map.acceleration,
             "position, velocity or acceleration; got none of them.",
+            "pva",
         ),
         (
             log_map.thrust or log_map.rotor_speed or log_map.throttle,
-            f"thrust, rotor_speed or throttle; a flight log needs one of them.{inputs}",
+            "thrust, rotor_speed or throttle; a flight log needs one of them.",
+            "u",
         ),
     )
-    for named, what in needs:
+    for named, what, fields in needs:
         if not named:
-            raise LogError(f"{path}: the map must name columns of {what}")
+            raise LogError(f"{path}: the map must name columns of {what}{looks(fields)}")
 
 
 FITS = "fits "  # beginning of a note that not all of a log is taken
@@ -363,12 +366,26 @@ def _fitting(
         part, _ = within(signals, start, stop)
         own = judged(part, log_map, path)
         kinds, tested = ({law.split()[0] for law in laws} for laws in (verdict.failed, own.misfits))
-        if not own.failed and kinds <= tested:
+        brief = stop - start < 0.5 * np.ptp(clock_of(signals).t) and _shakes(verdict)
+        if not own.failed and kinds <= tested and not brief:
             since = f"from {start - origin:.1f} " if start > clock_of(signals).t[0] + WINDOW else ""
             whole = ", ".join(verdict.failed[:3]) or "its quantities"
             said = [
                 f"{FITS}{since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"
             ]
             signals, verdict = part, own
+    if _shakes(verdict) and "velocity" in signals:
+        signals = {n: own for n, own in signals.items() if n != "acceleration"}
+        verdict = judged(signals, log_map, path)
+        said.append("acceleration agrees with velocity on no axis, as where it shakes; left out")
     log_map, verdict = agreed(verdict, signals, log_map, path, adopt=adopt)
     return log_map, (signals, log_map, verdict), said
+
+
+def _shakes(verdict: Verdict) -> bool:
+    """Return whether all that fails is an acceleration that tells nothing, in whatever convention:
+    of vibrations that are sampled too slowly. Another force may act beside.
+    """
+    wrong = [verdict.misfits[law] for law in verdict.failed if not law.startswith("lift")]
+    kinds = {law.split()[0] for law in verdict.failed} - {"lift"}
+    return kinds == {"velocity"} and max(wrong) < OPPOSED and not verdict.changes

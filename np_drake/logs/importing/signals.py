@@ -212,18 +212,20 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
     """
     signals: dict[str, Signal] = {}
     notes: list[str] = []
+    ticks: dict[float, list[str]] = {}
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
+        dead = np.count_nonzero(signal.values <= 0) if name == "voltage" else 0
+        if dead:
+            signal.values[signal.values <= 0] = np.nan
+            notes.append(f"voltage: {dead} readings of 0 V, on which nothing flies, left out")
         signal, reasons = _cleaned(
             signal, quaternion=name == "attitude" and len(source.columns) == 4
         )
         if reasons:
             notes.append(f"{name}: rows left out: {reasons}")
         if signal.tick:
-            notes.append(
-                f"{name}: times are rounded to {1e3 * signal.tick:.3g} ms; taken as an "
-                f"uncertainty of time"
-            )
+            ticks.setdefault(signal.tick, []).append(name)
         if name == "rotor_speed" and len(signal.t) > 1:
             signal, zeros = without_zeros(signal)
             if zeros:
@@ -235,7 +237,7 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
                 f"({share:.0%} of the rows)"
             )
         if len(signal.t) < LEAST_ROWS:
-            if name in OPTIONAL:
+            if name in OPTIONAL or (name == "rotor_speed" and log_map.throttle):
                 notes.append(f"{name}: only {len(signal.t)} samples; left out")
                 continue
             left = f" ({reasons})" if reasons else ""
@@ -246,6 +248,10 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
                 f"{', '.join(source.columns)}{left}."
             )
         signals[name] = signal
+    for tick, names in ticks.items():
+        head = TICKS if tick > LONG_TICK else "times are rounded to "
+        said = f"{head}{1e3 * tick:.3g} ms: {', '.join(names)}; taken as an uncertainty of time"
+        notes.append(said)
     return signals, notes
 
 
@@ -287,7 +293,7 @@ def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
         "time not increasing": np.sum(~later),
     }
     reasons = ", ".join(f"{count} with {reason}" for reason, count in counts.items() if count)
-    return Signal(t, values, coarse_tick(t)), reasons
+    return Signal(t, values, coarse_tick(t, int(np.sum(~later)))), reasons
 
 
 def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
@@ -340,9 +346,16 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
 LONGEST_ZERO = 0.1  # in which no rotor stops and turns again [s]; own choice
 # speed over the median beyond which a reading is none: sixteen times its thrust [1]; own choice
 GLITCH = 4.0
+CARRIES = 0.7  # speed over the usual from which a rotor carries: half of its thrust [1]; own choice
+STOPS = (
+    0.25  # speed over the usual below which it stands: a sixteenth of its thrust [1]; own choice
+)
 FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
 RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseconds [s]
 CLOCK_SET = 1e6  # interval, beyond which the clock was set [s]
+FEWEST = 0.2  # share of samples of one time from which it is the clock's tick [1]; own choice
+LONG_TICK = 5e-3  # beyond which a tick stands against an answer [s]; own choice: of a motor's lag
+TICKS = "the clock runs in ticks of "  # beginning of a line
 HELD = (
     "held_after",
     "held_before",
@@ -352,33 +365,69 @@ COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own ch
 
 
 def without_zeros(own: Signal) -> tuple[Signal, int]:
-    """Return rotor speeds without readings that no rotor has, which are interpolated, and how many
-    they are.
+    """Return rotor speeds without readings that no rotor has, and how many they are.
 
     A rotor does not stop, or turn `GLITCH` times as fast as it usually does, and turn again within
-    `LONGEST_ZERO`.
+    `LONGEST_ZERO`: these are interpolated. Rows of longer ones are left out where the others carry.
     """
-    values, count = own.values.copy(), 0
+    values, count, lost = own.values.copy(), 0, np.zeros(len(own.t), bool)
+    carried = _shares(values)[1]
     for column in values.T:
         bad = np.zeros(len(column), bool)
         usual = float(np.median(column[column > 0])) if (column > 0).any() else np.inf
         for start, stop in stretches((column == 0) | (column > GLITCH * usual)):
-            inside = start > 0 and stop < len(column)
-            bad[start:stop] = inside and own.t[min(stop, len(own.t) - 1)] - own.t[start - 1] <= max(
-                LONGEST_ZERO, 2.5 * own.step
-            )
+            if start == 0 or stop == len(column):
+                continue
+            short = own.t[stop] - own.t[start - 1] <= max(LONGEST_ZERO, 2.5 * own.step)
+            bad[start:stop] = short
+            lost[start:stop] |= carried[start:stop] & (not short)
         if bad.any():
             column[bad] = np.interp(own.t[bad], own.t[~bad], column[~bad])
             count += int(bad.sum())
-    return dc.replace(own, values=values), count
+    count += int(lost.sum())
+    return dc.replace(own, t=own.t[~lost], values=values[~lost]), count
 
 
-def coarse_tick(t: np.ndarray) -> float:
-    """Return the tick to which times (n,) are rounded, where it is coarse [s]; 0: it is not."""
+def stopped_rotor(own: Signal) -> tuple[float, int] | None:
+    """Return since when [s] which rotor, from 1, stands to the end while the others carry; None:
+    none does.
+
+    Args:
+        own: rotor speeds, in any unit.
+    """
+    share, carried = _shares(own.values)
+    if not carried.any():
+        return None
+    stop, found = int(np.flatnonzero(carried)[-1]) + 1, []
+    for number, column in enumerate(share[:stop].T, start=1):
+        first = int(np.max(np.flatnonzero(column > STOPS), initial=-1)) + 1
+        turning = np.flatnonzero(column[:first] > CARRIES)
+        if len(turning) and own.t[stop - 1] - own.t[min(first, stop - 1)] > LONGEST_ZERO:
+            found.append((float(own.t[turning[-1]]), number))
+    return min(found, default=None)
+
+
+def _shares(speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rotor speeds over the usual of each (n, k), and the rows (n,) at which most carry."""
+    fast = CARRIES * np.percentile(speeds, 95, axis=0)
+    usual = np.nanmedian(np.where(speeds >= fast, speeds, np.nan), axis=0)
+    share = speeds / np.where(usual > 0, usual, np.inf)
+    return share, np.median(share, axis=1) > CARRIES
+
+
+def coarse_tick(t: np.ndarray, repeats: int = 0) -> float:
+    """Return the tick to which times (n,) are rounded, where it is coarse [s]; 0: it is not.
+
+    Args:
+        repeats: samples left out as they bear the time of another; of many the tick is longer than
+            the interval of the samples.
+    """
     interval = np.diff(t)
     counts = np.round(np.minimum(interval, CLOCK_SET) / RESOLUTION).astype(np.int64)
     tick = int(np.gcd.reduce(counts)) * RESOLUTION
-    return tick if COARSE <= tick < FINE * float(np.median(interval)) else 0.0
+    if tick < COARSE:
+        return 0.0
+    return tick if repeats > FEWEST * len(t) or tick < FINE * float(np.median(interval)) else 0.0
 
 
 def usable_inputs(signals: Signals, log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:

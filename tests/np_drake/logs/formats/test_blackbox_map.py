@@ -7,10 +7,13 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from np_drake import attitude
+from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox import BLACKBOX
 from np_drake.logs.importing.import_log import Imported, import_log
+from tests.np_drake.diagnosis.simulated_flights import fly
 
 MOTORS = [f"motor[{i}]" for i in range(4)]
 XYZ = range(3)
@@ -103,6 +106,51 @@ def test_the_voltage_is_in_the_unit_of_its_version(log, writer, version, scale):
     dut = BLACKBOX.default_map(contents(log, writer, "vbatLatest", settings=settings))
     assert dut is not None
     assert (dut.voltage.scale if dut.voltage else None) == scale
+
+
+def test_inav_tells_north_east_up_and_a_yaw_to_the_right(log, writer):
+    flown = fly(seed=3, seconds=4.0, noise=0.0, vigour=1.5)
+    R_WB = Rotation.from_quat(np.roll(flown.q, -1, axis=1))
+    yaw, pitch, roll = np.degrees(R_WB.as_euler("ZYX")).T
+    force = R_WB.inv().apply(flown.a + [0.0, 0.0, 9.81]) / 9.80665
+    columns = {
+        "navPos": 100 * flown.p * [1, -1, 1],
+        "navVel": 100 * flown.v * [1, -1, 1],
+        "attitude": 10 * np.column_stack([roll, pitch, -yaw]),
+        "gyroADC": np.degrees(flown.w),
+        "accSmooth": 4096 * force,
+        "motor": np.tile([1400.0, 1500.0, 1600.0, 1450.0], (len(flown), 1)),
+        "vbat": np.full((len(flown), 1), 1610.0),
+    }
+    names = {
+        name if values.shape[1] == 1 else f"{name}[{i}]": values[:, i]
+        for name, values in columns.items()
+        for i in range(values.shape[1])
+    }
+    settings = {
+        "Firmware type": "INAV",
+        "Firmware revision": "INAV 7.1.0 (abc) F405",
+        "acc_1G": "4096",
+        "motorOutput": "1000,2000",
+    }
+    step = round(1e6 * flown.step)
+    writer.write(log, writer.main_log(names, settings=settings, step=step))
+    (dut,) = import_log(log).flights
+    assert np.abs(dut.p - flown.p).max() < 0.01  # whole centimetres
+    assert np.abs(dut.w - flown.w).max() < 0.02  # whole degrees
+    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(flown.q), dut.q))
+    assert np.abs(turned).max() < 0.003  # tenths of a degree
+    assert np.mean(dut.throttle, axis=0) == pytest.approx([0.4, 0.5, 0.6, 0.45])
+    assert dut.voltage[0] == pytest.approx(16.1)
+
+
+def test_betaflight_without_an_accelerometer_says_what_to_log(log, writer):
+    rng = np.random.default_rng(1)
+    names = [f"gyroADC[{i}]" for i in XYZ] + MOTORS
+    values = {name: rng.integers(200, 1900, 300) for name in names}
+    writer.write(log, writer.main_log(values))
+    with pytest.raises(LogError, match=r"Betaflight logs no position.*blackbox_disable_acc"):
+        import_log(log)
 
 
 def test_a_turned_imu_is_told_from_where_it_is_learnt_on(log, writer):

@@ -12,7 +12,9 @@ from np_drake.effects.library import LIBRARY
 from np_drake.logs.columns import COLUMNS
 from np_drake.logs.columns import FORCE as SPECIFIC
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats import text_table
 from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
@@ -53,6 +55,13 @@ def test_a_log_without_columns_keeps_what_its_body_axes_tell(without, excited, s
     answers = examine([dut], Vehicle(), sheets={dut.name: sheet.content}).answers
     assert {a.identifier for a in answers if a.verdict == "never"} == hidden
     assert all("log " in a.todo for a in answers if a.identifier in hidden)
+
+
+def test_what_a_log_lacks_is_said_when_it_is_imported(excited, tmp_path):
+    table = {name: column for name, column in excited.columns().items() if name[0] != "p"}
+    text_table.write_csv(tmp_path / "part.csv", table)
+    dut = import_log(tmp_path / "part.csv")
+    assert any(line.startswith("position: none in the log") for line in dut.said)
 
 
 @pytest.fixture

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 import yaml
 
+from np_drake.logs.columns import COLUMNS
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.formats.log_file import read, write_log
+from np_drake.logs.formats.text_table import write_csv
 from np_drake.logs.importing.conventions import WrongConventions, changed
-from np_drake.logs.importing.import_log import import_log, lacking
+from np_drake.logs.importing.import_log import import_log, lacking, looks
 from np_drake.logs.importing.log_map import Source, load_map_file
 
 
@@ -147,3 +149,33 @@ OR = ", or gyro and accelerometer (wx wy wz sx sy sz)"
 )
 def test_what_the_names_of_a_table_do_not_tell_is_listed(names, said):
     assert lacking({"table": tuple(names)}) == said
+
+
+def test_columns_that_look_like_what_is_missing_are_shown_and_first(tmp_path):
+    names = [f"x{i}" for i in range(9)] + ["quat_w", "quat_x", "quat_y", "quat_z", "pos_n"]
+    assert looks({"table": tuple(names)}, "qp") == (
+        " Columns that look like attitude: quat_w, quat_x, quat_y, quat_z; position: pos_n."
+    )
+    assert looks({"table": (*names, *COLUMNS["q"])}, "q") == ""
+    own = [n for n in OURS if n != "qz"] + [f"x{i}" for i in range(9)] + ["q_z"]
+    path = tmp_path / "made.csv"
+    write_csv(path, {name: np.linspace(0.0, 1.0, 40) for name in own})
+    with pytest.raises(LogError, match=r"column qz: is missing.*header has: qw, qx, qy, q_z, t"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    "start, said",
+    [
+        (b"ULogEnc\x01" + bytes(range(256)), "encrypted PX4 log; decrypt it"),
+        (bytes(5000), "a file of zeros.*copy it again"),
+        (b"version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
+        (b"PK\x03\x04" + bytes(99), "unpack it"),
+    ],
+)
+@pytest.mark.parametrize("name", ["log.ulg", "log.csv", "log"])
+def test_a_file_that_is_no_log_is_refused_by_what_it_is(tmp_path, start, said, name):
+    path = tmp_path / name
+    path.write_bytes(start)
+    with pytest.raises(LogError, match=rf"must hold a flight log; it is .*{said}"):
+        import_log(path)

@@ -1,0 +1,311 @@
+"""MAVLink telemetry logs of ground stations (`.tlog`), read with pymavlink (extra `node`), and the
+map of MAVLink's messages, in NED and FRD.
+
+A row is a time of receipt (microseconds since 1970, 8 bytes, the highest first) and a message.
+Streams are messages of the vehicle by name, with `.<instance>` where they are numbered: `ATTITUDE`,
+`SERVO_OUTPUT_RAW.0`. Times are those since boot where a message has one, else those of receipt less
+their usual lead. Where the vehicle boots again its clock goes on.
+Source: MAVLink developer guide, "Packet Serialization" and the common messages.
+"""
+
+import contextlib
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from np_drake.checks import require
+from np_drake.logs.errors import LogError, optional_package
+from np_drake.logs.formats import dataflash, ulog
+from np_drake.logs.formats.format import (
+    Contents,
+    Format,
+    Motors,
+    Progress,
+    Recording,
+    Scanned,
+    Stream,
+    first_source,
+    indexed,
+)
+from np_drake.logs.importing.log_map import LogMap
+
+STAMP = 8  # bytes of a time of receipt
+HEADS = {0xFE: 6, 0xFD: 10}  # bytes before the payload, by the first byte: version 1 and 2
+FIRST_BYTES = re.compile(b"[\xfd\xfe]")
+SIGNATURE = 13  # bytes of one
+SINCE, UNTIL = 946_684_800e6, 4_102_444_800e6  # of a time of receipt: 2000 to 2100 [us]
+STATE = (30, 31, 32, 33)  # ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED, GLOBAL_POSITION_INT
+PARAMETER, HEARTBEAT, TEXT, VIBRATION = 22, 0, 253, 241
+VIBRATIONS = [f"vibration_{a}" for a in "xyz"] + [f"clipping_{i}" for i in range(3)]
+INTEGER = 6  # MAV_PARAM_TYPE_INT32, which PX4 writes into the bits of a float
+AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}  # MAV_AUTOPILOT
+CLOCKS = {"time_boot_ms": 1e-3, "time_usec": 1e-6}  # [s]
+OUTPUTS = re.compile(r"SERVO_OUTPUT_RAW\.(\d+)/servo(\d+)_raw")
+SPEEDS = re.compile(r"ESC_(?:STATUS\.0|TELEMETRY_1_TO_4)/rpm\[(\d)\]")
+RESTART = 1.0  # by which the time since boot goes back where it is another boot [s]; own choice
+AROUND = 10.0  # of the time of receipt, beyond which a time is of another clock [s]; own choice
+NEEDS = "MAVLink logs need pymavlink; pip install 'np_drake[node]', or bring the vehicle's own log."
+
+
+class _Log:
+    """Places of the messages of the vehicle that tells its state most often, by number.
+
+    lost: bytes that are of no message.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Find all messages; LogError if none tells a state, or without the library."""
+        optional_package("pymavlink", path, NEEDS)
+        from pymavlink.dialects.v20 import ardupilotmega
+
+        self.library, self.data, self.lost = ardupilotmega, path.read_bytes(), 0
+        self._decoder = ardupilotmega.MAVLink(None)
+        places: dict[tuple[int, int], dict[int, list[int]]] = {}
+        at = 0
+        while at < len(self.data):
+            source, number, size = _frame(self.data, at)
+            follows = at + size == len(self.data) or _frame(self.data, at + size)[2]
+            if not size or not (follows or self._decoded(at)):
+                found = FIRST_BYTES.search(self.data, at + STAMP + 1)
+                after = found.start() - STAMP if found else len(self.data)
+                self.lost += after - at
+                at = after
+                continue
+            places.setdefault(source, {}).setdefault(number, []).append(at)
+            at += size
+        told = Counter({s: sum(len(own.get(n, ())) for n in STATE) for s, own in places.items()})
+        source = max(told, key=lambda one: told[one], default=(0, 0))
+        require(
+            told[source],
+            f"{path}: must hold the state of a vehicle (ATTITUDE, LOCAL_POSITION_NED); it has "
+            "none. Bring the vehicle's own log.",
+            LogError,
+        )
+        self.places = places[source]
+        self.names = {
+            ardupilotmega.mavlink_map[n].msgname: n
+            for n in self.places
+            if n in ardupilotmega.mavlink_map
+        }
+
+    def _decoded(self, at: int) -> Any:
+        """Return the message at a place; None where its checksum or its number is wrong."""
+        size = _frame(self.data, at)[2]
+        with contextlib.suppress(self.library.MAVError):
+            return self._decoder.decode(bytearray(self.data[at + STAMP : at + size]))
+        return None
+
+    def messages(self, number: int) -> Iterator[tuple[float, Any]]:
+        """Yield time of receipt [s] and message of all whose checksum is right."""
+        for at in self.places.get(number, ()):
+            if (message := self._decoded(at)) is not None:
+                yield int.from_bytes(self.data[at : at + STAMP], "big") * 1e-6, message
+
+    def rows(self, number: int, columns: list[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Return times of receipt (n,) [s] and columns (n, k); an array's are `name[i]`."""
+        stamps, rows = [], []
+        for stamp, message in self.messages(number):
+            stamps.append(stamp)
+            rows.append([_value(message, column) for column in columns])
+        return np.array(stamps), np.reshape(np.array(rows, float), (len(rows), len(columns)))
+
+
+def _frame(data: bytes, at: int) -> tuple[tuple[int, int], int, int]:
+    """Return system and component, number of the message, and size with its time of receipt; size
+    0: no message is there.
+    """
+    head = data[at + STAMP : at + STAMP + 10]
+    if len(head) < 10 or not _begins(data[at : at + STAMP + 1]):
+        return (0, 0), 0, 0
+    signed = head[0] == 0xFD and head[2] & 1
+    size = STAMP + HEADS[head[0]] + head[1] + 2 + SIGNATURE * signed
+    size *= at + size <= len(data)
+    if head[0] == 0xFE:
+        return (head[3], head[4]), head[5], size
+    return (head[5], head[6]), int.from_bytes(head[7:10], "little"), size
+
+
+def _begins(start: bytes) -> bool:
+    """Return whether bytes begin with a time of receipt and a message."""
+    told = SINCE < int.from_bytes(start[:STAMP], "big") < UNTIL
+    return len(start) > STAMP and start[STAMP] in HEADS and told
+
+
+def _value(message: Any, column: str) -> float:
+    name, _, index = column.rstrip("]").partition("[")
+    value = getattr(message, name)
+    return float(value[int(index)] if index else value)
+
+
+def _columns(kind: Any) -> list[str]:
+    """Return the names of the numbers of a message, without those of its time and instance."""
+    found: list[str] = []
+    for name, form, size in zip(kind.fieldnames, kind.fieldtypes, kind.array_lengths, strict=True):
+        if form != "char" and name not in (*CLOCKS, kind.instance_field):
+            found += indexed(name, size) if size else [name]
+    return found
+
+
+def _contents(path: Path) -> Contents:
+    """Return the messages and their columns; those of motors that never change are left out."""
+    log = _Log(path)
+    found: dict[str, tuple[str, ...]] = {}
+    for name, number in log.names.items():
+        kind = log.library.mavlink_map[number]
+        columns = _columns(kind)
+        if not kind.instance_field:
+            found[name] = tuple(columns)
+            continue
+        _, rows = log.rows(number, [kind.instance_field, *columns])
+        for instance in np.unique(rows[:, 0]):
+            own = rows[rows[:, 0] == instance, 1:]
+            moves = np.ptp(own, axis=0) > 0
+            kept = moves if name == "SERVO_OUTPUT_RAW" else np.ones(len(columns), bool)
+            found[f"{name}.{instance:g}"] = tuple(np.array(columns)[kept].tolist())
+    return Scanned(found, _parameters(log))
+
+
+def _parameters(log: _Log) -> dict[str, float]:
+    """Return the parameters that the vehicle told, and its autopilot by number."""
+    _, makers = log.rows(HEARTBEAT, ["autopilot"])
+    maker = float(np.max(makers)) if len(makers) else 0.0
+    found = {"MAV_AUTOPILOT": maker}
+    for _, message in log.messages(PARAMETER):
+        value = message.param_value
+        if AUTOPILOTS.get(int(maker)) == "PX4" and message.param_type == INTEGER:
+            value = np.float32(value).view(np.int32)
+        found[message.param_id] = float(value)
+    return {name: value for name, value in found.items() if np.isfinite(value)}
+
+
+class _Clock:
+    """Time since the first boot of all that was received.
+
+    breaks: times at which the vehicle boots again [s].
+    """
+
+    def __init__(self, stamps: np.ndarray, own: np.ndarray) -> None:
+        again = np.flatnonzero(np.diff(own) < -RESTART) + 1
+        self._since = stamps[again]
+        parts = np.split(stamps - own, again)
+        self._leads = np.array([np.median(part) for part in parts])
+        self.breaks = self.of(self._since, np.full(len(again), np.nan))
+
+    def of(self, stamps: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """Return times (n,) from those of receipt, and those since a boot, NaN where none is
+        told [s].
+        """
+        boot = np.searchsorted(self._since, stamps, side="right")
+        lead = self._leads[boot]
+        told = np.abs(stamps - own - lead) < AROUND
+        return np.where(told, own, stamps - lead) + (lead - self._leads[0])
+
+
+def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+    log = _Log(path)
+    most = max(STATE, key=lambda number: len(log.places.get(number, ())))
+    stamps, own = log.rows(most, ["time_boot_ms"])
+    require(len(stamps), f"{path}: must hold whole messages; it has none. Copy it again.", LogError)
+    clock = _Clock(stamps, own[:, 0] * CLOCKS["time_boot_ms"])
+    streams = {}
+    for i, (name, columns) in enumerate(wanted.items(), start=1):
+        base, _, instance = name.partition(".")
+        kind = log.library.mavlink_map[log.names[base]]
+        timed = [field for field in CLOCKS if field in kind.fieldnames]
+        numbered = [kind.instance_field] if instance else []
+        stamps, rows = log.rows(log.names[base], [*columns, *timed[:1], *numbered])
+        if instance:
+            chosen = rows[:, -1] == float(instance)
+            stamps, rows = stamps[chosen], rows[chosen]
+        since = rows[:, len(columns)] * CLOCKS[timed[0]] if timed else np.full(len(stamps), np.nan)
+        values = dict(zip(columns, rows.T, strict=False))
+        streams[name] = Stream(clock.of(stamps, since), values)
+        progress(i / len(wanted))
+    facts = {"clock": "time since the vehicle's boot [s]"}
+    maker = AUTOPILOTS.get(int(_parameters(log)["MAV_AUTOPILOT"]))
+    facts |= {"autopilot": maker} if maker else {}
+    notes = (f"{log.lost} bytes are of no message",) if log.lost else ()
+    breaks = tuple((float(t), "the vehicle boots again") for t in clock.breaks)
+    warned = [(stamp, m.text) for stamp, m in log.messages(TEXT) if m.severity <= ulog.WARNS]
+    at = clock.of(np.array([t for t, _ in warned]), np.full(len(warned), np.nan))
+    events = tuple((float(t), repr(text)) for t, (_, text) in zip(at, warned, strict=True))
+    stamps, rows = log.rows(VIBRATION, VIBRATIONS)
+    seconds = float(np.ptp(stamps)) if len(stamps) else 0.0
+    clips, said = dataflash.shaken(seconds, rows[:, 3:], rows[:, :3], "VIBRATION")
+    return Recording(str(path), streams, facts, notes, tuple(said), breaks, events, clips)
+
+
+def motors(contents: Contents) -> Motors:
+    """Return the motors as the autopilot's own log would name them, by its parameters.
+
+    Raises: ValueError: as that of its own log.
+    """
+    parameters = getattr(contents, "parameters", {})
+    ardupilot = AUTOPILOTS.get(int(parameters.get("MAV_AUTOPILOT", 0))) == "ArduPilot"
+    names: dict[str, str] = {}  # of the columns here, by those in the autopilot's own log
+    for name in (
+        f"{stream}/{column}" for stream, columns in contents.items() for column in columns
+    ):
+        if output := OUTPUTS.fullmatch(name):
+            port, number = int(output[1]), int(output[2])
+            px4 = f"actuator_outputs{f'.{port}' * (port > 0)}/output[{number - 1}]"
+            names[f"RCOU/C{16 * port + number}" if ardupilot else px4] = name
+        elif speed := SPEEDS.fullmatch(name):
+            names[f"ESC.{speed[1]}/RPM" if ardupilot else f"esc_status/esc[{speed[1]}].esc_rpm"] = (
+                name
+            )
+    own: dict[str, tuple[str, ...]] = {}
+    for stream, _, column in (name.partition("/") for name in names):
+        own[stream] = (*own.get(stream, ()), column)
+    found = (dataflash if ardupilot else ulog).motors(Scanned(own, parameters))
+    for source in (found.throttle, found.rotor_speed):
+        source.columns = [names[column] for column in source.columns]
+    return found
+
+
+def default_map(contents: Contents) -> LogMap | None:
+    """Return the map of MAVLink's names (NED, FRD); None without attitude and a motion, or an
+    inertial sensor.
+
+    Raises: ValueError: as `motors`.
+    """
+    first = partial(first_source, contents)
+    quaternion, angles = [f"ATTITUDE_QUATERNION/q{i}" for i in "1234"], ("roll", "pitch", "yaw")
+    speeds = [[f"{m}/{a}speed" for a in angles] for m in ("ATTITUDE_QUATERNION", "ATTITUDE")]
+    sensors = ("HIGHRES_IMU.0", "HIGHRES_IMU")
+    gyro, force = ([[f"{m}/{a}{kind}" for a in "xyz"] for m in sensors] for kind in ("gyro", "acc"))
+    local, world = "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT"
+    driven = motors(contents)
+    found = LogMap(
+        format="tlog",
+        world="ned",
+        body="frd",
+        position=first([[f"{local}/{a}" for a in "xyz"]]),
+        velocity=first([[f"{local}/v{a}" for a in "xyz"]])
+        or first([[f"{world}/v{a}" for a in "xyz"]], unit="cm/s"),
+        attitude=first([quaternion]) or first([[f"ATTITUDE/{a}" for a in angles]], unit="rad"),
+        rates=first([*gyro, *speeds]),
+        acceleration=first(force) or first([[f"SCALED_IMU/{a}acc" for a in "xyz"]], unit="mg"),
+        rotor_speed=driven.rotor_speed,
+        throttle=driven.throttle
+        or first([["ATTITUDE_TARGET/thrust"]])
+        or first([["VFR_HUD/throttle"]], unit="percent"),
+        voltage=first([["SYS_STATUS/voltage_battery"]], unit="mV"),
+    )
+    return found if found.tells_motion else None
+
+
+TELEMETRY = Format(
+    "tlog",
+    "MAVLink telemetry .tlog",
+    lambda path, start: _begins(start),
+    _contents,
+    default_map,
+    _read,
+    motors,
+)
