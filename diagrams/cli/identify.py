@@ -96,7 +96,7 @@ def identify(
         str,
         Option(
             metavar="KIND",
-            help="rotor_speed | throttle | command; default: the first that all logs hold.",
+            help="rotor_speed | throttle | command | collective; default: the first of all logs.",
         ),
     ] = "",
     log_map: LogMap = None,
@@ -121,7 +121,7 @@ def identify(
         judging = [log for found in opened[len(logs) :] for log in found]
         drive = common_drive([log for found in opened for log in found], input)
         require(
-            (trust, drive) != ("thrust", "throttle"),
+            trust == "mass" or drive in ("rotor_speed", "command"),
             f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
             f"give --mass.",
         )
@@ -352,7 +352,7 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
                 "flight": r.flight,
                 "model": r.model,
                 "force": list(map(float, r.force)),
-                "torque": list(map(float, r.torque)),
+                "torque": list(map(_finite, r.torque)),
                 "open_loop": [[_finite(x) for x in row] for row in r.open_loop],
             }
             for r in rows

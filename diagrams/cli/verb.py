@@ -97,7 +97,9 @@ Order = Annotated[
 ]
 Props = Annotated[
     str | None,
-    Option(metavar="WAY", help="Propellers turn in | out at the front; default: in, or the file's."),
+    Option(
+        metavar="WAY", help="Propellers turn in | out at the front; default: in, or the file's."
+    ),
 ]
 LogMap = Annotated[
     OptionalPath,

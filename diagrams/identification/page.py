@@ -32,7 +32,7 @@ from np_drake.files.number_text import NOTHING, fixed, percent
 from np_drake.files.page import Section
 from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification
-from np_drake.identification.quantities import Identified
+from np_drake.identification.quantities import QUANTITIES, Identified
 from np_drake.identification.validation import ERRORS, HORIZONS, HeldOut
 
 PAGE, TEMPLATE = "identification.html", Path(__file__).with_name("page.html.j2")
@@ -153,6 +153,7 @@ SHOWN = {
     "rad": (float(np.degrees(1.0)), "°"),
     "1/s": (1.0, "s⁻¹"),
 }
+EACH_ROTOR = "rotor speed, or the throttle of each motor, in the log"
 LEADING = (
     *("mass", "thrust coefficient", "thrust at full throttle"),
     *("inertia xx", "inertia yy", "inertia zz", "time constant up", "transport delay"),
@@ -162,6 +163,7 @@ KINDS = {
     "rotor_speed": "measured rotor speed",
     "throttle": "throttle of each motor",
     "command": "thrust and torque",
+    "collective": "collective throttle",
 }
 
 
@@ -209,7 +211,9 @@ def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
     for q in found.quantities:
         if not q.told and q.quantity.manoeuvre:
             ways.setdefault(q.quantity.manoeuvre, []).append(q)
-    return [
+    silent = [q.name for q in QUANTITIES if not found.parts.issuperset({*q.needs} & {"rotors"})]
+    alone = [(EACH_ROTOR, silent, "the log does not say what turns each rotor")] if silent else []
+    return alone + [
         (
             way,
             [q.name for q in names],
@@ -387,10 +391,11 @@ def _flights(ax, told: FlightValues) -> None:
 
 def residual_figure(rows: Sequence[HeldOut]) -> Figure:
     """Return the RMS of held-out force and torque by axis, a mark a model and flight."""
-    figure, grid = new_figure(1, 2, width=9.0, height=3.0)
+    kinds = [("force", "N"), ("torque", "N·m")][: 1 + bool(np.isfinite(rows[0].torque).all())]
+    figure, grid = new_figure(1, len(kinds), width=4.5 * len(kinds), height=3.0)
     flights = list(dict.fromkeys(row.flight for row in rows))
     models = list(dict.fromkeys(row.model for row in rows))
-    for ax, (name, unit) in zip(grid[0], (("force", "N"), ("torque", "N·m")), strict=True):
+    for ax, (name, unit) in zip(grid[0], kinds, strict=True):
         factor, shown = suited(max(float(np.max(getattr(row, name))) for row in rows), unit)
         for row in rows:
             shift = 0.18 * (models.index(row.model) - 0.5 * (len(models) - 1))

@@ -18,6 +18,7 @@ from np_drake.vehicle import Vehicle
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
 LEAST = 1.5  # of it that counts [s]; own choice: half of that
 REMEDY = "Fly roll and pitch doublets, fast turns of the heading and quick changes of height."
+FULL = 0.95  # throttle of hover from which no vehicle flies, so that it is in another unit [1]
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 
 
@@ -122,6 +123,7 @@ def identify(
     coefficient = prior.thrust_coefficient if told and measured else None
     newtons = told and drive == "command"
     known = parts | ({"trusted"} if coefficient is not None or newtons else {"mass"})
+    known |= {"full"} if frame.throttle < FULL else set()
     spin = frame.unit
     if not measured:
         spin = float(np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient))
@@ -176,7 +178,10 @@ def _parts(flights: Sequence[Signals], drive: str) -> set[str]:
         "motors": drive != "rotor_speed" or throttle,
         "newtons": drive == "command",
         "throttle": throttle,
-        "voltage": all(s.voltage is not None for s in flights),
+        "collective": drive == "collective",
+        "rotors": drive != "collective",
+        "voltage": (throttle or drive == "collective")
+        and all(s.voltage is not None for s in flights),
         "velocity": any(s.velocity is not None for s in flights),
         "accelerometer": all(s.accelerometer for s in flights),
     }
@@ -192,7 +197,7 @@ def _frame(flights: Sequence[Signals], prior: Vehicle, drive: str) -> Frame:
         unit = float(np.sqrt(np.mean(inputs**2) / level))
     else:
         unit = float(np.mean(inputs) / level if drive == "command" else np.median(inputs))
-    throttle = unit if drive == "throttle" else 0.0
+    throttle = unit if drive in ("throttle", "collective") else 0.0
     commands = [s.command[s.edges[:-1]][s.good] for s in flights if s.command is not None]
     if commands:
         throttle = float(np.median(np.concatenate(commands)))

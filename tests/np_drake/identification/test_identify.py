@@ -66,6 +66,24 @@ def same(one: Identification, two: Identification, share: float = 0.02) -> None:
         assert (b.high - b.low) == pytest.approx(a.high - a.low, rel=5 * share), a.name
 
 
+def test_a_collective_command_tells_its_curve_lag_and_drag_and_nothing_of_a_rotor(by_collective):
+    dut = by_collective
+    truth = {  # value, and what the unequal rotors of the flight change
+        "hover command": (0.5, 0.01),
+        "thrust over command at hover, in weights": (1 / 0.44, 0.03),
+        "command without thrust": (0.06, 0.02),
+        "time constant up": (0.03, 0.004),
+        "transport delay": (0.008, 0.004),
+        "drag, lateral": (0.1, 0.01),
+    }
+    for name, (value, tolerance) in truth.items():
+        assert dut[name].value == pytest.approx(value, abs=tolerance), name
+        assert dut[name].low - tolerance < value < dut[name].high + tolerance
+        assert dut[name].told, name
+    named = " ".join(q.name for q in dut.quantities)
+    assert not any(word in named for word in ("inertia", "rotor", "torque", "centre of mass"))
+
+
 @pytest.mark.parametrize("kind", ["found", "by_throttle"])
 def test_a_flight_in_closed_form_tells_its_vehicle(kind, request):
     dut = request.getfixturevalue(kind)
