@@ -37,7 +37,15 @@ from diagrams.studies.options import tabulate
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
-from np_drake.identification.identify import REMEDY, SHORTEST, Identification, lasts, unfit
+from np_drake.identification.identify import (
+    REMEDY,
+    SHORTEST,
+    Identification,
+    doubts,
+    lasts,
+    trades,
+    unfit,
+)
 from np_drake.identification.identify import identify as identified
 from np_drake.identification.quantities import Identified
 from np_drake.identification.signals import common_drive, signals
@@ -343,6 +351,8 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
             }
             for axis, one in zip("xyz", found.rate_loop, strict=False)
         ],
+        "doubts": doubts(found),
+        "trades": trades(found),
         "not_told": [
             {"names": names, "because": why, "manoeuvre": way}
             for way, names, why in not_told(found)

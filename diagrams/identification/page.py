@@ -31,7 +31,7 @@ from np_drake.files.file_access import require_writable
 from np_drake.files.number_text import NOTHING, fixed, percent
 from np_drake.files.page import Section
 from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values
-from np_drake.identification.identify import Identification
+from np_drake.identification.identify import Identification, doubts, trades
 from np_drake.identification.quantities import QUANTITIES, Identified
 from np_drake.identification.validation import ERRORS, HORIZONS, HeldOut
 
@@ -116,7 +116,7 @@ def content(
             ("mass", _mass(found)),
             ("np_drake", version("np_drake")),
         ],
-        "notes": list(found.notes),
+        "notes": [*traded(found), *doubts(found), *found.notes],
     }
 
 
@@ -157,6 +157,11 @@ EACH_ROTOR = "rotor speed, or the throttle of each motor, in the log"
 LEADING = (
     *("mass", "thrust coefficient", "thrust at full throttle"),
     *("inertia xx", "inertia yy", "inertia zz", "time constant up", "transport delay"),
+)
+ANSWERS = (  # first of each that a log can tell: thrust, turning, motors
+    ("mass", "thrust coefficient", "thrust at full throttle", "hover command"),
+    ("inertia xx", "thrust over command at hover, in weights"),
+    ("time constant up", "torque over thrust", "drag, lateral"),
 )
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 KINDS = {
@@ -207,9 +212,10 @@ def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
     """Return (manoeuvre, names, why) of what the flights do not tell, a manoeuvre each that would
     tell it.
     """
+    traded = {name for pair in trades(found) for names in pair for name in names}
     ways: dict[str, list[Identified]] = {}
     for q in found.quantities:
-        if not q.told and q.quantity.manoeuvre:
+        if not q.told and q.quantity.manoeuvre and q.name not in traded:
             ways.setdefault(q.quantity.manoeuvre, []).append(q)
     silent = [q.name for q in QUANTITIES if not found.parts.issuperset({*q.needs} & {"rotors"})]
     alone = [(EACH_ROTOR, silent, "the log does not say what turns each rotor")] if silent else []
@@ -229,11 +235,20 @@ def summary(found: Identification) -> list[str]:
     lines += [
         f"not told: {', '.join(names)}; {way} would tell" for way, names, _ in not_told(found)
     ]
+    lines += traded(found)
     silent = (q.name for q in found.quantities if not q.told and not q.quantity.manoeuvre)
     lines += [f"not told: {name}" for name in silent]
     if differing := differences([*own_values(found), *flight_values(found)]):
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
-    return lines
+    return [*lines, *(f"doubted: {doubt}" for doubt in doubts(found))]
+
+
+def traded(found: Identification) -> list[str]:
+    """Return what flights tell together alone, a sentence each."""
+    return [
+        f"not told apart: {listed(one)} against {listed(other)}; either, measured, tells the other"
+        for one, other in trades(found)
+    ]
 
 
 def differences(each: Sequence[FlightValues]) -> list[str]:
@@ -254,16 +269,16 @@ def agreement(q: Identified) -> str:
 
 
 def headline(found: Identification) -> str:
-    """Return the answer in one line."""
-    told, every, count = (
-        sum(q.told for q in found.quantities),
-        len(found.quantities),
-        len(found.models),
-    )
-    by, of = f"{count} flight{'s' * (count > 1)}", found.prior.name
-    if not told:
-        return f"{by} of {of}: the prior tells as much"
-    return f"{by} tell{'s' * (count == 1)} {told} of {every} quantities of {of}"
+    """Return the answer in one line: three numbers, and whether the flights tell them."""
+    every, count = {q.name: q for q in found.quantities}, len(found.models)
+    by, told = f"{count} flight{'s' * (count > 1)}", sum(q.told for q in found.quantities)
+    leading = [next((every[n] for n in names if n in every), None) for names in ANSWERS]
+    said = [
+        f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)}, {'' if q.told else 'not '}told)"
+        for q in leading
+        if q
+    ]
+    return f"{by} of {found.prior.name}: {listed(said)}; {told} of {len(every)} are told"
 
 
 def lead(found: Identification, rows: Sequence[HeldOut]) -> str:

@@ -1,6 +1,7 @@
 """Identification of a vehicle from its flight logs."""
 
 import dataclasses as dc
+import itertools
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -10,15 +11,29 @@ from scipy.optimize import approx_fprime
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import Estimate, Layout, estimate, parameters
 from np_drake.identification.model import FlightModel, Frame
-from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified
+from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified, Quantity
 from np_drake.identification.rate_loop import AxisLoop, identify_rate_loop
 from np_drake.identification.signals import G, Signals, common_drive, signals
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.published import published_priors
+from np_drake.vehicle.vehicle import AIR
 
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
 LEAST = 1.5  # of it that counts [s]; own choice: half of that
 REMEDY = "Fly roll and pitch doublets, fast turns of the heading and quick changes of height."
 FULL = 0.95  # throttle of hover from which no vehicle flies, so that it is in another unit [1]
+THRUST_NUMBERS = (0.05, 0.16)  # C_T of propellers that are made [1]; source: published static tests
+UNUSUAL = 2.5  # deviations of published vehicles from which an inertia is doubted [1]; own choice
+LEAST_HOVER = 0.05  # throttle in hover [1]; source: `vehicle new`
+RANK = 1e-6  # of a covariance: gains of rotors have a fixed mean [1]
+SHARED = 0.5  # share of a variance that another has, from which both trade [1]; own choice
+TRADE = 0.9  # correlation from which two quantities trade against each other [1]; own choice
+C_T = (
+    "C_T = thrust / (rho n² D⁴)",
+    "Check mass and propeller, and the pole pairs of the log: 12 or 14 poles?",
+)
+OVER_UNIT = ("its share of m l²", "Check the wheelbase and the places of the rotors.")
+STRENGTH = ("thrust over that of hover at this throttle", "Check unit and ends of the throttle.")
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 
 
@@ -48,15 +63,10 @@ class Identification:
         """What is told of the vehicle, in the order of a vehicle file."""
         e, layout, found = self.estimate, self.estimate.layout, []
         for q in (q for q in QUANTITIES if self.parts.issuperset(q.needs)):
-
-            def of(z: np.ndarray, q=q) -> float:
-                value = q.of(layout.values(z), self.basis)
-                return float(np.log(value)) if q.positive else value
-
-            zero = np.zeros_like(e.z)
-            here, gradient, before = of(e.z), approx_fprime(e.z, of, STEP), of(zero)
+            here, gradient = self.of(q, e.z)
+            before, slope = self.of(q, np.zeros_like(e.z))
             sd = float(np.sqrt(e.variance(gradient)))
-            prior = float(np.linalg.norm(_of_one_flight(approx_fprime(zero, of, STEP), layout)))
+            prior = float(np.linalg.norm(_of_one_flight(slope, layout)))
             wide, known = SURE * sd, SURE * prior
             ends = (here - wide, here + wide, before - known, before + known)
             bounds = np.array([here, *ends])
@@ -67,6 +77,15 @@ class Identification:
             p = e.agreement[follows].p if follows in e.agreement else float("nan")
             found.append(Identified(q, value, low, high, (both[0], both[1]), told, p, follows))
         return tuple(found)
+
+    def of(self, q: Quantity, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return a quantity, the logarithm of a positive one, and its derivatives by z (k,)."""
+
+        def value(z: np.ndarray) -> float:
+            own = q.of(self.estimate.layout.values(z), self.basis)
+            return float(np.log(own)) if q.positive else own
+
+        return value(z), approx_fprime(z, value, STEP)
 
     def __getitem__(self, name: str) -> Identified:
         """Return what is told of a quantity by its name."""
@@ -139,6 +158,68 @@ def identify(
         )
     found = estimate(models, layout)
     return Identification(basis, found, frozenset(known), models, prior, tuple(notes), loops)
+
+
+def trades(found: Identification) -> list[tuple[list[str], list[str]]]:
+    """Return names of quantities that trade against each other: of two fields of a vehicle file,
+    one of which is not told, a sum is told far better than either.
+    """
+    fields: dict[str, list[Identified]] = {}
+    for q in (q for q in found.quantities if q.quantity.field):
+        fields.setdefault(q.quantity.field, []).append(q)
+    pairs = []
+    for one, other in itertools.combinations(fields.values(), 2):
+        both = [*one, *other]
+        gradients = np.stack([found.of(q.quantity, found.estimate.z)[1] for q in both])
+        covariance = gradients @ found.estimate.covariances[0] @ gradients.T
+        deviation = np.sqrt(np.diag(covariance))
+        correlation, first = covariance / np.outer(deviation, deviation), len(one)
+        across = correlation[:first, first:]
+        a, b = (
+            np.linalg.pinv(block, RANK)
+            for block in (correlation[:first, :first], correlation[first:, first:])
+        )
+        # Largest canonical correlation, and the share of each variance that the other side has.
+        largest = np.linalg.eigvals(a @ across @ b @ across.T).real.max()
+        shares = [*np.diag(across @ b @ across.T), *np.diag(across.T @ a @ across)]
+        if largest < TRADE**2 or all(q.told for q in both):
+            continue
+        trading = [q.name for q, share in zip(both, shares, strict=True) if share > SHARED]
+        names = [[q.name for q in side if q.name in trading] for side in (one, other)]
+        if all(names):
+            pairs.append((names[0], names[1]))
+    return pairs
+
+
+def doubts(found: Identification) -> list[str]:
+    """Return what physics doubts of the values that flights tell, a sentence each."""
+    basis, frame = found.basis, found.basis.frame
+    weight = basis.mass_of(found.estimate.layout.values(found.estimate.z)) * G
+    unit, inertias = weight / G * frame.arm**2, published_priors().inertia.within(UNUSUAL)
+    per_coefficient = (2 * np.pi) ** 2 / (AIR * (2 * frame.radius) ** 4)
+    checks = {  # factor of the quantity, bounds, what they are of, remedy
+        "thrust coefficient": (per_coefficient, THRUST_NUMBERS, *C_T),
+        "inertia xx": (1.0 / unit, inertias, *OVER_UNIT),
+        "inertia yy": (1.0 / unit, inertias, *OVER_UNIT),
+        "thrust at full throttle": (4.0 / weight, _strengths(found), *STRENGTH),
+        "thrust at full command": (4.0 / weight, _strengths(found), *STRENGTH),
+    }
+    said = []
+    for q in (q for q in found.quantities if q.name in checks and q.told and not basis.ratios):
+        factor, (least, most), what, remedy = checks[q.name]
+        if q.high * factor < least or q.low * factor > most:
+            bounds = f"{least:.2g} to {most:.2g}; got {factor * q.value:.2g}"
+            said.append(f"{q.name}: {what} is usually {bounds}. {remedy}")
+    return said
+
+
+def _strengths(found: Identification) -> tuple[float, float]:
+    """Return thrust at full throttle over that in hover, of a curve between line and square [1]."""
+    hover = max(found.basis.frame.throttle, LEAST_HOVER)
+    named = ("command without thrust", "idle speed over full speed")
+    begins = max((q.value for q in found.quantities if q.name in named), default=0.0)
+    turning = max((hover - max(begins, 0.0)) / (1.0 - begins), LEAST_HOVER)
+    return 1.0 / hover, 1.0 / turning**2
 
 
 def lasts(log: FlightLog) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.identification.identify import Identification, identify
+from np_drake.identification.identify import Identification, doubts, identify, trades
 
 TRUTH = {  # name: (value, tolerance of it), beside which the interval must hold the value nearly
     "thrust coefficient": (9e-6, 3e-8),
@@ -91,6 +91,45 @@ def test_a_flight_in_closed_form_tells_its_vehicle(kind, request):
         value, tolerance = TRUTH[name]
         assert dut[name].value == pytest.approx(value, abs=tolerance), name
         assert dut[name].low - tolerance < value < dut[name].high + tolerance
+
+
+def framed(dut: Identification, **changed) -> Identification:
+    """Return an identification with other given values of the vehicle."""
+    frame = dc.replace(dut.basis.frame, **changed)
+    return dc.replace(dut, basis=dc.replace(dut.basis, frame=frame))
+
+
+def shifted(dut: Identification, name: str, deviations: float) -> Identification:
+    """Return an identification with one parameter elsewhere in its prior."""
+    z = dut.estimate.z.copy()
+    z[dut.estimate.layout.names.index(name)] = deviations
+    return dc.replace(dut, estimate=dc.replace(dut.estimate, z=z))
+
+
+def test_physics_doubts_a_propeller_an_inertia_and_a_throttle_of_no_vehicle(found, by_throttle):
+    fits = framed(found, radius=0.12)  # C_T 0.09
+    assert doubts(fits) == []
+    (doubt,) = doubts(framed(found, radius=0.06))
+    assert doubt.startswith("thrust coefficient: C_T") and "12 or 14 poles?" in doubt
+    xx, yy = doubts(shifted(fits, "jxx", 4.0))
+    assert xx.startswith("inertia xx: its share of m l²") and "wheelbase" in yy
+    assert doubts(by_throttle) == []
+    (doubt,) = doubts(shifted(by_throttle, "curve", -2.5))
+    assert doubt.startswith("thrust at full throttle") and "ends of the throttle" in doubt
+
+
+def test_a_centre_of_mass_that_unequal_rotors_explain_trades_against_them(found):
+    names = found.estimate.layout.names
+    covariance = 1e-4 * np.eye(len(found.estimate.z))
+    i, k = names.index("com_x"), names.index("gain_pitch")
+    assert (
+        trades(dc.replace(found, estimate=dc.replace(found.estimate, covariances=(covariance,))))
+        == []
+    )
+    covariance[np.ix_([i, k], [i, k])] = [[1.0, -0.99], [-0.99, 1.0]]
+    dut = dc.replace(found, estimate=dc.replace(found.estimate, covariances=(covariance,)))
+    gains = [f"gain of rotor {number}" for number in range(1, 5)]
+    assert trades(dut) == [(["centre of mass x"], gains)]
 
 
 def test_neither_heading_nor_place_of_the_world_matter(alone, again, short):
