@@ -158,6 +158,7 @@ LEADING = (
     *("mass", "thrust coefficient", "thrust at full throttle"),
     *("inertia xx", "inertia yy", "inertia zz", "time constant up", "transport delay"),
 )
+TELLS = ("not told", "told")
 ANSWERS = (  # first of each that a log can tell: thrust, turning, motors
     ("mass", "thrust coefficient", "thrust at full throttle", "hover command"),
     ("inertia xx", "thrust over command at hover, in weights"),
@@ -274,7 +275,7 @@ def headline(found: Identification) -> str:
     by, told = f"{count} flight{'s' * (count > 1)}", sum(q.told for q in found.quantities)
     leading = [next((every[n] for n in names if n in every), None) for names in ANSWERS]
     said = [
-        f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)}, {'' if q.told else 'not '}told)"
+        f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)}, {TELLS[q.told]})"
         for q in leading
         if q
     ]

@@ -164,30 +164,29 @@ def trades(found: Identification) -> list[tuple[list[str], list[str]]]:
     """Return names of quantities that trade against each other: of two fields of a vehicle file,
     one of which is not told, a sum is told far better than either.
     """
-    fields: dict[str, list[Identified]] = {}
-    for q in (q for q in found.quantities if q.quantity.field):
-        fields.setdefault(q.quantity.field, []).append(q)
+    kept = [q for q in found.quantities if q.quantity.field]
+    fields = np.array([q.quantity.field for q in kept])
+    gradients = np.stack([found.of(q.quantity, found.estimate.z)[1] for q in kept])
+    covariance = gradients @ found.estimate.covariances[0] @ gradients.T
+    deviation = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(deviation, deviation)
+
+    def shared(own: str, other: str) -> tuple[list[Identified], float]:
+        """Return the quantities of a field most of whose variance another has, and its largest
+        share.
+        """
+        across = correlation[np.ix_(fields == own, fields == other)]
+        among = np.linalg.pinv(correlation[np.ix_(fields == other, fields == other)], RANK)
+        share = np.diag(across @ among @ across.T)
+        places = np.flatnonzero(fields == own)[share > SHARED]
+        return [kept[i] for i in places], float(share.max())
+
     pairs = []
-    for one, other in itertools.combinations(fields.values(), 2):
-        both = [*one, *other]
-        gradients = np.stack([found.of(q.quantity, found.estimate.z)[1] for q in both])
-        covariance = gradients @ found.estimate.covariances[0] @ gradients.T
-        deviation = np.sqrt(np.diag(covariance))
-        correlation, first = covariance / np.outer(deviation, deviation), len(one)
-        across = correlation[:first, first:]
-        a, b = (
-            np.linalg.pinv(block, RANK)
-            for block in (correlation[:first, :first], correlation[first:, first:])
-        )
-        # Largest canonical correlation, and the share of each variance that the other side has.
-        largest = np.linalg.eigvals(a @ across @ b @ across.T).real.max()
-        shares = [*np.diag(across @ b @ across.T), *np.diag(across.T @ a @ across)]
-        if largest < TRADE**2 or all(q.told for q in both):
-            continue
-        trading = [q.name for q, share in zip(both, shares, strict=True) if share > SHARED]
-        names = [[q.name for q in side if q.name in trading] for side in (one, other)]
-        if all(names):
-            pairs.append((names[0], names[1]))
+    for own, other in itertools.combinations(dict.fromkeys(fields), 2):
+        (one, most), (two, more) = shared(own, other), shared(other, own)
+        trading = one and two and max(most, more) > TRADE**2
+        if trading and not all(q.told for q in (*one, *two)):
+            pairs.append(([q.name for q in one], [q.name for q in two]))
     return pairs
 
 

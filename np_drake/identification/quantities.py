@@ -141,11 +141,21 @@ def _linear(v: Values, b: Basis) -> float:
     return (share - u * u) / (u - u * u)
 
 
+def _command(v: Values, b: Basis, weights: float) -> float:
+    """Return the collective command with which thrust is so many weights [1]."""
+    more = weights / (v["scale"] * v["charge"]) - 1.0
+    root = np.sqrt(max(v["slope"] ** 2 + 4.0 * v["bend"] * more, 0.0))
+    return b.frame.throttle * (1.0 + 2.0 * more / (v["slope"] + root))
+
+
 def _hover(v: Values, b: Basis) -> float:
-    """Return the collective command with which thrust is the weight [1]."""
-    lacks = 1.0 / (v["scale"] * v["charge"]) - 1.0
-    root = np.sqrt(max(v["slope"] ** 2 + 4.0 * v["bend"] * lacks, 0.0))
-    return b.frame.throttle * (1.0 + 2.0 * lacks / (v["slope"] + root))
+    """Return the collective command of hover [1]."""
+    return _command(v, b, 1.0)
+
+
+def _without_thrust(v: Values, b: Basis) -> float:
+    """Return the collective command at which the curve of thrust ends [1]."""
+    return _command(v, b, 0.0)
 
 
 def _steepness(v: Values, b: Basis) -> float:
@@ -153,12 +163,6 @@ def _steepness(v: Values, b: Basis) -> float:
     beyond = _hover(v, b) / b.frame.throttle - 1.0
     slope = v["slope"] + 2.0 * v["bend"] * beyond
     return v["scale"] * v["charge"] * slope / b.frame.throttle
-
-
-def _without_thrust(v: Values, b: Basis) -> float:
-    """Return the collective command at which the curve of thrust ends [1]."""
-    root = np.sqrt(max(v["slope"] ** 2 - 4.0 * v["bend"], 0.0))
-    return b.frame.throttle * (1.0 - 2.0 / (v["slope"] + root))
 
 
 ROLL = "roll and pitch doublets"

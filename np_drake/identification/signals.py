@@ -63,7 +63,7 @@ def drives_of(log: FlightLog) -> tuple[str, ...]:
     Raises: ValueError: where the log has neither rotor speed, nor throttle, nor thrust and torque.
     """
     command = log.input == "command" and bool(np.isfinite(log.u).all())
-    collective = np.ndim(log.throttle) == 2 and of_four_rotors(_of_each(log.throttle))
+    collective = log.throttle is not None and of_four_rotors(_of_each(log.throttle))
     held = (of_four_rotors(log.rotor), of_four_rotors(log.throttle), command, collective)
     if not any(held):
         raise ValueError(

@@ -11,6 +11,7 @@ whose columns are in one order tell it together.
 import dataclasses as dc
 import itertools
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy import signal
@@ -285,8 +286,8 @@ def _ordered(
     if not as_built and turns:
         note = (
             f"the board is turned by {turns[0]} deg about z against the rotors of vehicle "
-            f"{vehicle.name!r}; its axes were turned back, as board_turn: {turns[0]} in a map does: "
-            f"the rotors are {seen}"
+            f"{vehicle.name!r} and was turned back, as board_turn: {turns[0]} in a map does; in "
+            f"its axes these are {seen}"
         )
         return _with_board_turned(dc.replace(log, notes=[*log.notes, note]), turns[0])
     if not as_built:
@@ -337,7 +338,7 @@ def _with_board_turned(log: FlightLog, angle: float) -> FlightLog:
     """Return the log in the axes of a body against which its board is turned about z [deg]."""
     turn = attitude.from_rotation_vector(np.array([0.0, 0.0, np.radians(angle)]))
     names = [name for name in ("w", "al", "commanded_rates") if getattr(log, name) is not None]
-    vectors = {name: attitude.rotate(turn, getattr(log, name)) for name in names}
+    vectors: dict[str, Any] = {name: attitude.rotate(turn, getattr(log, name)) for name in names}
     u = np.column_stack([log.u[:, :1], attitude.rotate(turn, log.u[:, 1:])])
     return dc.replace(log, q=attitude.multiply(log.q, attitude.conjugate(turn)), u=u, **vectors)
 

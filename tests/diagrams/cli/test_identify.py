@@ -132,9 +132,7 @@ def test_logs_without_a_vehicle_file_are_identified_by_four_measures(folder, cap
     assert "give --vehicle FILE, or --wheelbase as well" in missing
 
 
-def test_a_collective_command_gives_a_file_with_its_map_and_says_what_needs_rotors(
-    folder, capsys, tmp_path
-):
+def test_a_collective_command_gives_its_map_and_says_what_needs_rotors(folder, capsys, tmp_path):
     paths = [tmp_path / f"{name}.csv" for name in "ab"]
     for path in paths:
         (log,) = read(folder / path.name)
