@@ -53,6 +53,7 @@ from np_drake.identification.validation import HeldOut
 from np_drake.identification.validation import held_out as errors_on
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import read_as_logged, with_vehicle
+from np_drake.logs.rotors import tell_directions
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST, Measured, estimate
 from np_drake.vehicle.rotor_layout import PROPS, directions_of
@@ -60,6 +61,7 @@ from np_drake.vehicle.text import save_vehicle
 
 FILE, JSON, SCHEMA = "vehicle.yaml", "identification.json", "identification"
 READ, FITTED = 0.3, 0.8  # shares of the bar
+UNTOLD = "none tells which way the propellers turn; those of the vehicle count, or give --props"
 LAST = 2 / 3  # share of a single flight that is fitted; own choice
 
 
@@ -229,6 +231,8 @@ def _open_logs(
     for log in (log for flights in opened for log in flights):
         for note in log.notes:
             said.setdefault(note, []).append(log.name)
+    if not tell_directions([log for flights in opened for log in flights], vehicle):
+        said[UNTOLD] = ["all flights"]
     return opened, [f"{', '.join(names)}: {note}" for note, names in said.items()]
 
 

@@ -210,6 +210,19 @@ def rotor_orders(
     return orders[known.index(given(vehicle))], sorted(orders, key=lambda order: -order.score)
 
 
+def tell_directions(logs: Sequence[FlightLog], vehicle: Vehicle) -> bool:
+    """Return whether flights tell which way the propellers turn, or have no columns of rotors."""
+    for found in (rotor_orders(own, vehicle) for own in torques_seen(logs, vehicle).values()):
+        if found is None:
+            continue
+        own, orders = found
+        turned = tuple(-d for d in own.directions)
+        other = [o for o in orders if (o.rotors, o.directions) == (own.rotors, turned)]
+        if any(abs(own.score - o.score) < SURE for o in other):
+            return False
+    return True
+
+
 def torques_seen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Seen:
     """Return what flights tell of the order of their columns, by the layout that they state."""
     found: dict[RotorLayout | None, list[Evidence]] = {}

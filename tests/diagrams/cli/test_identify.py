@@ -155,3 +155,4 @@ def test_a_hover_says_what_it_does_not_tell_and_which_manoeuvre_would(folder, ca
     said = " ".join(capsys.readouterr().out.split())
     assert re.search(r"not told: [^;]*inertia xx[^;]*; roll and pitch doublets would tell", said)
     assert re.search(r"not told: [^;]*drag, lateral[^;]*; speed would tell", said)
+    assert "none tells which way the propellers turn" in said

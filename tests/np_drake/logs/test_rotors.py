@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.rotors import NOTE, in_vehicle_order, torque_agreement
+from np_drake.logs.rotors import NOTE, in_vehicle_order, tell_directions, torque_agreement
 from np_drake.vehicle.rotor_layout import directions_of
 from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 
@@ -108,6 +108,17 @@ def test_propellers_that_turn_the_other_way_are_named_with_what_mends_it(flown, 
     written = re.escape(str([int(d) for d in own.rotor_directions]))
     with pytest.raises(LogError, match=f"turn the other way.*{written}.*--props"):
         in_vehicle_order([turning(own)], file)
+
+
+def test_flights_that_hardly_yaw_do_not_tell_the_way_that_propellers_turn():
+    vehicle = load_vehicle("crazyflie")
+    log = turning(vehicle)
+    assert tell_directions([log], vehicle)
+    assert tell_directions([dc.replace(log, rotor=None)], vehicle)  # nothing to turn
+    u = vehicle.thrust_coefficient * log.rotor**2 @ vehicle.mixer.T
+    u[:, 3] = u[:, 3].std() * np.random.default_rng(3).normal(size=len(u))
+    rotor = np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
+    assert not tell_directions([dc.replace(log, rotor=rotor)], vehicle)
 
 
 def test_a_throttle_of_each_rotor_tells_its_order_behind_the_motors_lag():
