@@ -68,7 +68,7 @@ def content(
     return {
         "vehicle": found.prior.name,
         "headline": headline(found),
-        "lead": lead(found, rows),
+        "lead": change(rows),
         "file": VEHICLE,
         "not_told": [(capital(listed(names)), why, way) for way, names, why in not_told(found)],
         "header": [
@@ -154,10 +154,6 @@ SHOWN = {
     "1/s": (1.0, "s⁻¹"),
 }
 EACH_ROTOR = "rotor speed, or the throttle of each motor, in the log"
-LEADING = (
-    *("mass", "thrust coefficient", "thrust at full throttle"),
-    *("inertia xx", "inertia yy", "inertia zz", "time constant up", "transport delay"),
-)
 TELLS = ("not told", "told")
 ANSWERS = (  # first of each that a log can tell: thrust, turning, motors
     ("mass", "thrust coefficient", "thrust at full throttle", "hover command"),
@@ -280,17 +276,6 @@ def headline(found: Identification) -> str:
         if q
     ]
     return f"{by} of {found.prior.name}: {listed(said)}; {told} of {len(every)} are told"
-
-
-def lead(found: Identification, rows: Sequence[HeldOut]) -> str:
-    """Return the leading values, and how the held-out residual changes."""
-    known = {q.name: q for q in found.quantities if q.told and q.quantity.positive}
-    values = [
-        f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)})"
-        for q in (known[name] for name in LEADING if name in known)
-    ]
-    said = [f"{capital(listed(values))}."] if values else []
-    return " ".join([*said, *filter(None, [change(rows)])])
 
 
 def change(rows: Sequence[HeldOut]) -> str:

@@ -212,15 +212,13 @@ def rotor_orders(
 
 def tell_directions(logs: Sequence[FlightLog], vehicle: Vehicle) -> bool:
     """Return whether flights tell which way the propellers turn, or have no columns of rotors."""
-    for found in (rotor_orders(own, vehicle) for own in torques_seen(logs, vehicle).values()):
-        if found is None:
-            continue
-        own, orders = found
-        turned = tuple(-d for d in own.directions)
-        other = [o for o in orders if (o.rotors, o.directions) == (own.rotors, turned)]
-        if any(abs(own.score - o.score) < SURE for o in other):
-            return False
-    return True
+    found = (rotor_orders(own, vehicle) for own in torques_seen(logs, vehicle).values())
+    return all(
+        abs(own.score - other.score) >= SURE
+        for own, orders in filter(None, found)
+        for other in orders
+        if other.rotors == own.rotors and other.directions == tuple(-d for d in own.directions)
+    )
 
 
 def torques_seen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Seen:

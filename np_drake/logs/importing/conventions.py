@@ -150,10 +150,8 @@ def turned_attitude(
     tells = {"attitude", "rates"} <= raw.keys() and not log_map.rates.is_turned("rates")
     if not over.fit or not tells:
         return None
-    pair = {name: raw[name] for name in ("attitude", "rates")}
-    x = convert(pair, dc.replace(log_map, board_turn=0.0))
-    turn, sum_ = over.turn(x["attitude"]), over.integral(x["rates"])
-    moves = np.concatenate([turn, sum_], axis=1)
+    x = convert(raw, dc.replace(log_map, board_turn=0.0))
+    moves = np.concatenate([over.turn(x["attitude"]), over.integral(x["rates"])], axis=1)
     moves = (moves - moves.mean(axis=0)) / np.maximum(moves.std(axis=0), 1e-9)
     correlation = moves[:, :3].T @ moves[:, 3:] / len(moves)
     declared = log_map.frames(log_map.attitude)[1]
