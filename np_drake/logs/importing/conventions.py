@@ -432,7 +432,7 @@ def agreed(
             verdict,
         )
     if not adopt or verdict.rivals:
-        fits = (verdict.changes, *verdict.rivals[:2])
+        fits = (verdict.changes, *verdict.rivals[:3])  # of turns about one axis, all
         fit = "; or ".join(_explained(change, log_map) for change in fits)
         raise WrongConventions(
             f"{path}: it does not fit the conventions declared ({wrong}), but fits {fit}. "

@@ -23,7 +23,7 @@ from np_drake.logs.importing.conventions import (
     check_conventions,
 )
 from np_drake.logs.importing.laws import FAILS, misfits, told_by_noise
-from np_drake.logs.importing.log_map import BODIES, Source, convert
+from np_drake.logs.importing.log_map import BODIES, Source, axes_of_word, convert
 
 ERRORS = {
     "ned": (("world", "ned"),),
@@ -216,3 +216,20 @@ def test_a_drag_is_no_misfit_of_the_lift(fly):
     log = fly(LinearDrag(0.6, 0.6, 0.3), ConstantWind(3.0, -2.0, 0.0), seed=2, noise=1.0)
     found = misfits(log.t, {"velocity": log.v, "attitude": log.q})
     assert max(found["lift x"], found["lift y"]) < 0.1
+
+
+def test_a_flight_that_only_pitches_leaves_four_turns(sampled, conventions):
+    t, x = sampled
+    x = {name: x[name] for name in ("position", "attitude", "rates")}
+    angle = 0.3 * np.sin(2 * np.pi * 0.7 * t)
+    x["attitude"] = attitude.from_rotation_vector(angle[:, None] * [0.0, 1.0, 0.0])
+    x["rates"] = np.gradient(angle, t)[:, None] * [0.0, 1.0, 0.0]
+    declared = conventions.plain_map()
+    columns = conventions.columns_in(changed(declared, (("attitude.body", "lbu"),)), x)
+    verdict = check_conventions(t, columns, declared)
+    own = axes_of_word("lbu")[1]
+    fits = {fit[0][1] for fit in (verdict.changes, *verdict.rivals) if len(fit) == 1}
+    assert {word for word in BODIES if (axes_of_word(word)[1] == own).all()} <= fits
+    with pytest.raises(WrongConventions, match=r"; or .*; or .*; or ") as error:
+        agreed(verdict, {}, declared, "log.csv", adopt=True)
+    assert "--adopt" not in str(error.value)
