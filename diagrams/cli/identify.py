@@ -1,5 +1,6 @@
 """`np-drake identify`: what flight logs tell of a vehicle, as a vehicle file."""
 
+import dataclasses as dc
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,9 +11,13 @@ from typer import Argument, Option
 from diagrams.batch.run import FailedRun, require
 from diagrams.cli.verb import (
     LogMap,
+    Order,
+    Propeller,
+    Props,
     Report,
     Run,
     Table,
+    Wheelbase,
     progress,
     reports,
     say,
@@ -32,7 +37,15 @@ from diagrams.studies.options import tabulate
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
-from np_drake.identification.identify import REMEDY, SHORTEST, Identification, lasts, unfit
+from np_drake.identification.identify import (
+    REMEDY,
+    SHORTEST,
+    Identification,
+    doubts,
+    lasts,
+    trades,
+    unfit,
+)
 from np_drake.identification.identify import identify as identified
 from np_drake.identification.quantities import Identified
 from np_drake.identification.signals import common_drive, signals
@@ -40,12 +53,15 @@ from np_drake.identification.validation import HeldOut
 from np_drake.identification.validation import held_out as errors_on
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import read_as_logged, with_vehicle
+from np_drake.logs.rotors import tell_directions
 from np_drake.vehicle import Vehicle, load_vehicle
-from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST
+from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST, Measured, estimate
+from np_drake.vehicle.rotor_layout import PROPS, directions_of
 from np_drake.vehicle.text import save_vehicle
 
 FILE, JSON, SCHEMA = "vehicle.yaml", "identification.json", "identification"
 READ, FITTED = 0.3, 0.8  # shares of the bar
+UNTOLD = "none tells which way the propellers turn; those of the vehicle count, or give --props"
 LAST = 2 / 3  # share of a single flight that is fitted; own choice
 
 
@@ -57,13 +73,18 @@ def identify(
         Argument(metavar="LOG...", help="Flights of one vehicle, of any format of `import`."),
     ],
     vehicle: Annotated[
-        Path,
+        Path | None,
         Option(
             "--vehicle",
             metavar="VEHICLE",
-            help="File or preset with rotors' places, directions, radius and mass.",
+            help="File or preset with rotors' places, directions, radius and mass; default: an X "
+            "frame of --wheelbase, --propeller, --order and --mass.",
         ),
-    ],
+    ] = None,
+    wheelbase: Wheelbase = None,
+    propeller: Propeller = None,
+    order: Order = None,
+    props: Props = None,
     mass: Annotated[
         float | None, Option(help="Mass with battery [kg]; default: the vehicle file's.")
     ] = None,
@@ -85,7 +106,7 @@ def identify(
         str,
         Option(
             metavar="KIND",
-            help="rotor_speed | throttle | command; default: the first that all logs hold.",
+            help="rotor_speed | throttle | command | collective; default: the first of all logs.",
         ),
     ] = "",
     log_map: LogMap = None,
@@ -102,12 +123,15 @@ def identify(
                 f"{twice[0]}: must be given once, as LOG or as --held-out; got it twice."
             )
         common_drive([], input)  # refuses what is no input before logs are read
-        prior, mass = _prior_of(vehicle, mass, trust)
+        _check_mass(mass, trust, vehicle)
+        frame = {"wheelbase": wheelbase, "propeller": propeller, "order": order}
+        prior = _prior_of(vehicle, {**frame, "mass": mass}, props)
+        mass = None if trust == "thrust" else mass or prior.mass
         opened, notes = _open_logs([*logs, *judges], prior, log_map, advance)
         judging = [log for found in opened[len(logs) :] for log in found]
         drive = common_drive([log for found in opened for log in found], input)
         require(
-            (trust, drive) != ("thrust", "throttle"),
+            trust == "mass" or drive in ("rotor_speed", "command"),
             f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
             f"give --mass.",
         )
@@ -153,18 +177,34 @@ def _vehicle(found: Identification, name: str) -> tuple[Vehicle | None, FailedRu
         return None, FailedRun(f"no {FILE}: {' '.join(str(error).split())}")
 
 
-def _prior_of(vehicle: Path, mass: float | None, trust: str) -> tuple[Vehicle, float | None]:
-    """Return the vehicle whose geometry is given, and its mass [kg]; None where it is to be told.
-
-    Raises: ValueError: where they do not go together.
-    """
+def _check_mass(mass: float | None, trust: str, vehicle: Path | None) -> None:
+    """Check that mass, what is trusted and the vehicle go together."""
     require(trust in ("mass", "thrust"), f"--trust must be mass or thrust; got {trust!r}.")
     if mass is not None:
         within = LIGHTEST <= mass <= HEAVIEST
         require(within, f"--mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {mass:g}.")
         require(trust == "mass", "--trust thrust: tells the mass; leave --mass out.")
+    require(vehicle or trust == "mass", "--trust thrust: give --vehicle, whose thrust is known.")
+
+
+def _prior_of(vehicle: Path | None, measures: dict[str, Any], props: str | None) -> Vehicle:
+    """Return the vehicle whose geometry is given, in a file or by four measures.
+
+    Raises: ValueError: where these do not go together.
+    """
+    require(props in (None, *PROPS), f"--props must be in or out; got {props!r}.")
+    given = {f"--{name}": value is not None for name, value in measures.items()}
+    if vehicle is None:
+        missing = ", ".join(option for option, there in given.items() if not there)
+        require(not missing, f"give --vehicle FILE, or {missing} as well: the rotors' places.")
+        frame = Measured(hover_throttle=0.5, props=props or "in", **measures)
+        return estimate(frame, f"frame of {frame.wheelbase:g} m")
+    beside = ", ".join(option for option, there in given.items() if there and option != "--mass")
+    require(not beside, f"--vehicle: holds the rotors' places; leave {beside} out.")
     prior = load_vehicle(vehicle)
-    return prior, None if trust == "thrust" else mass or prior.mass
+    if props is None:
+        return prior
+    return dc.replace(prior, rotor_directions=directions_of(prior.rotor_positions, props))
 
 
 def _open_logs(
@@ -191,6 +231,8 @@ def _open_logs(
     for log in (log for flights in opened for log in flights):
         for note in log.notes:
             said.setdefault(note, []).append(log.name)
+    if not tell_directions([log for flights in opened for log in flights], vehicle):
+        said[UNTOLD] = ["all flights"]
     return opened, [f"{', '.join(names)}: {note}" for note, names in said.items()]
 
 
@@ -313,6 +355,8 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
             }
             for axis, one in zip("xyz", found.rate_loop, strict=False)
         ],
+        "doubts": doubts(found),
+        "trades": trades(found),
         "not_told": [
             {"names": names, "because": why, "manoeuvre": way}
             for way, names, why in not_told(found)
@@ -322,7 +366,7 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
                 "flight": r.flight,
                 "model": r.model,
                 "force": list(map(float, r.force)),
-                "torque": list(map(float, r.torque)),
+                "torque": list(map(_finite, r.torque)),
                 "open_loop": [[_finite(x) for x in row] for row in r.open_loop],
             }
             for r in rows

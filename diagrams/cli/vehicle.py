@@ -13,7 +13,19 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 from diagrams.batch.run import require
-from diagrams.cli.verb import Report, Run, Verbs, print_table, reports, require_outputs, say
+from diagrams.cli.verb import (
+    Order,
+    Propeller,
+    Props,
+    Report,
+    Run,
+    Verbs,
+    Wheelbase,
+    print_table,
+    reports,
+    require_outputs,
+    say,
+)
 from diagrams.exports.formats import FORMATS, SHAPE, not_carried
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, load_flight
@@ -35,10 +47,8 @@ vehicle = Verbs(help="Vehicle files: new, list, show.", add_completion=False)
 @vehicle.command("new")
 def new(
     mass: Annotated[float | None, Option(help="Mass with battery, without payload [kg].")] = None,
-    wheelbase: Annotated[
-        float | None, Option(help="Distance from motor to motor, across the centre [m].")
-    ] = None,
-    propeller: Annotated[float | None, Option(help="Propeller diameter [m].")] = None,
+    wheelbase: Wheelbase = None,
+    propeller: Propeller = None,
     hover_throttle: Annotated[float | None, Option(help="Throttle in hover, 0 to 1.")] = None,
     throttle_curve: Annotated[
         str,
@@ -47,13 +57,8 @@ def new(
             help="Thrust over throttle: quadratic (throttle is rotor speed) | linear.",
         ),
     ] = "quadratic",
-    order: Annotated[
-        str | None,
-        Option(
-            metavar="AUTOPILOT",
-            help="Order of the rotors in logs: px4 | ardupilot | betaflight | crazyflie.",
-        ),
-    ] = None,
+    order: Order = None,
+    props: Props = None,
     mass_uncertainty: Annotated[
         float | None,
         Option(
@@ -90,7 +95,8 @@ def new(
         "--order": order,
     }
     if preset is not None:
-        given = [o for o, value in measures.items() if value is not None and o != "--mass"]
+        measures |= {"--mass": None, "--props": props}
+        given = [option for option, value in measures.items() if value is not None]
         require(
             not given,
             f"--preset: goes with --mass, --name and uncertainties alone; got {', '.join(given)}.",
@@ -101,6 +107,7 @@ def new(
             which = f" {'|'.join(FIRMWARE)} (whose logs you have)" if order is None else ""
             raise ValueError(f"give {', '.join(missing)}{which} as well, or --preset NAME.")
         values: Any = (mass, wheelbase, propeller, hover_throttle, throttle_curve, order)
+        stated["props"] = props or "in"
         measured = Measured(*values, **stated)
         text = vehicle_text(estimate(measured, name or "mine"), HEAD)
     if out is None:

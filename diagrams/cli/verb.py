@@ -84,6 +84,23 @@ VehicleFile = Annotated[
         help="Vehicle file (YAML) or a name of `np-drake vehicle list`; default: the paper's.",
     ),
 ]
+Wheelbase = Annotated[
+    float | None, Option(help="Distance from motor to motor, across the centre [m].")
+]
+Propeller = Annotated[float | None, Option(help="Propeller diameter [m].")]
+Order = Annotated[
+    str | None,
+    Option(
+        metavar="AUTOPILOT",
+        help="Order of the rotors in logs: px4 | ardupilot | betaflight | crazyflie.",
+    ),
+]
+Props = Annotated[
+    str | None,
+    Option(
+        metavar="WAY", help="Propellers turn in | out at the front; default: in, or the file's."
+    ),
+]
 LogMap = Annotated[
     OptionalPath,
     Option(

@@ -31,8 +31,8 @@ from np_drake.files.file_access import require_writable
 from np_drake.files.number_text import NOTHING, fixed, percent
 from np_drake.files.page import Section
 from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values
-from np_drake.identification.identify import Identification
-from np_drake.identification.quantities import Identified
+from np_drake.identification.identify import Identification, doubts, trades
+from np_drake.identification.quantities import QUANTITIES, Identified
 from np_drake.identification.validation import ERRORS, HORIZONS, HeldOut
 
 PAGE, TEMPLATE = "identification.html", Path(__file__).with_name("page.html.j2")
@@ -68,7 +68,7 @@ def content(
     return {
         "vehicle": found.prior.name,
         "headline": headline(found),
-        "lead": lead(found, rows),
+        "lead": change(rows),
         "file": VEHICLE,
         "not_told": [(capital(listed(names)), why, way) for way, names, why in not_told(found)],
         "header": [
@@ -116,7 +116,7 @@ def content(
             ("mass", _mass(found)),
             ("np_drake", version("np_drake")),
         ],
-        "notes": list(found.notes),
+        "notes": [*traded(found), *doubts(found), *found.notes],
     }
 
 
@@ -153,15 +153,19 @@ SHOWN = {
     "rad": (float(np.degrees(1.0)), "°"),
     "1/s": (1.0, "s⁻¹"),
 }
-LEADING = (
-    *("mass", "thrust coefficient", "thrust at full throttle"),
-    *("inertia xx", "inertia yy", "inertia zz", "time constant up", "transport delay"),
+EACH_ROTOR = "rotor speed, or the throttle of each motor, in the log"
+TELLS = ("not told", "told")
+ANSWERS = (  # first of each that a log can tell: thrust, turning, motors
+    ("mass", "thrust coefficient", "thrust at full throttle", "hover command"),
+    ("inertia xx", "thrust over command at hover, in weights"),
+    ("time constant up", "torque over thrust", "drag, lateral"),
 )
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 KINDS = {
     "rotor_speed": "measured rotor speed",
     "throttle": "throttle of each motor",
     "command": "thrust and torque",
+    "collective": "collective throttle",
 }
 
 
@@ -205,11 +209,14 @@ def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
     """Return (manoeuvre, names, why) of what the flights do not tell, a manoeuvre each that would
     tell it.
     """
+    traded = {name for pair in trades(found) for names in pair for name in names}
     ways: dict[str, list[Identified]] = {}
     for q in found.quantities:
-        if not q.told and q.quantity.manoeuvre:
+        if not q.told and q.quantity.manoeuvre and q.name not in traded:
             ways.setdefault(q.quantity.manoeuvre, []).append(q)
-    return [
+    silent = [q.name for q in QUANTITIES if not found.parts.issuperset({*q.needs} & {"rotors"})]
+    alone = [(EACH_ROTOR, silent, "the log does not say what turns each rotor")] if silent else []
+    return alone + [
         (
             way,
             [q.name for q in names],
@@ -225,11 +232,20 @@ def summary(found: Identification) -> list[str]:
     lines += [
         f"not told: {', '.join(names)}; {way} would tell" for way, names, _ in not_told(found)
     ]
+    lines += traded(found)
     silent = (q.name for q in found.quantities if not q.told and not q.quantity.manoeuvre)
     lines += [f"not told: {name}" for name in silent]
     if differing := differences([*own_values(found), *flight_values(found)]):
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
-    return lines
+    return [*lines, *(f"doubted: {doubt}" for doubt in doubts(found))]
+
+
+def traded(found: Identification) -> list[str]:
+    """Return what flights tell together alone, a sentence each."""
+    return [
+        f"not told apart: {listed(one)} against {listed(other)}; either, measured, tells the other"
+        for one, other in trades(found)
+    ]
 
 
 def differences(each: Sequence[FlightValues]) -> list[str]:
@@ -250,27 +266,16 @@ def agreement(q: Identified) -> str:
 
 
 def headline(found: Identification) -> str:
-    """Return the answer in one line."""
-    told, every, count = (
-        sum(q.told for q in found.quantities),
-        len(found.quantities),
-        len(found.models),
-    )
-    by, of = f"{count} flight{'s' * (count > 1)}", found.prior.name
-    if not told:
-        return f"{by} of {of}: the prior tells as much"
-    return f"{by} tell{'s' * (count == 1)} {told} of {every} quantities of {of}"
-
-
-def lead(found: Identification, rows: Sequence[HeldOut]) -> str:
-    """Return the leading values, and how the held-out residual changes."""
-    known = {q.name: q for q in found.quantities if q.told and q.quantity.positive}
-    values = [
-        f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)})"
-        for q in (known[name] for name in LEADING if name in known)
+    """Return the answer in one line: three numbers, and whether the flights tell them."""
+    every, count = {q.name: q for q in found.quantities}, len(found.models)
+    by, told = f"{count} flight{'s' * (count > 1)}", sum(q.told for q in found.quantities)
+    leading = [next((every[n] for n in names if n in every), None) for names in ANSWERS]
+    said = [
+        f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)}, {TELLS[q.told]})"
+        for q in leading
+        if q
     ]
-    said = [f"{capital(listed(values))}."] if values else []
-    return " ".join([*said, *filter(None, [change(rows)])])
+    return f"{by} of {found.prior.name}: {listed(said)}; {told} of {len(every)} are told"
 
 
 def change(rows: Sequence[HeldOut]) -> str:
@@ -387,10 +392,11 @@ def _flights(ax, told: FlightValues) -> None:
 
 def residual_figure(rows: Sequence[HeldOut]) -> Figure:
     """Return the RMS of held-out force and torque by axis, a mark a model and flight."""
-    figure, grid = new_figure(1, 2, width=9.0, height=3.0)
+    kinds = [("force", "N"), ("torque", "N·m")][: 1 + bool(np.isfinite(rows[0].torque).all())]
+    figure, grid = new_figure(1, len(kinds), width=4.5 * len(kinds), height=3.0)
     flights = list(dict.fromkeys(row.flight for row in rows))
     models = list(dict.fromkeys(row.model for row in rows))
-    for ax, (name, unit) in zip(grid[0], (("force", "N"), ("torque", "N·m")), strict=True):
+    for ax, (name, unit) in zip(grid[0], kinds, strict=True):
         factor, shown = suited(max(float(np.max(getattr(row, name))) for row in rows), unit)
         for row in rows:
             shift = 0.18 * (models.index(row.model) - 0.5 * (len(models) - 1))

@@ -125,7 +125,10 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         ),
         Parameter("curve", 0.2, 0.3, needs=("throttle",)),
         Parameter("idle", 0.05, 0.04, needs=("throttle",)),
-        Parameter("sag", 1.5, 0.5, needs=("throttle", "voltage")),
+        # Thrust over a collective command; a power of 1.5 ± 0.5 has these, as `logs.inputs` says.
+        Parameter("slope", 1.5, 0.5, needs=("collective",)),
+        Parameter("bend", 0.375, 0.5, needs=("collective",)),
+        Parameter("sag", 1.5, 0.5, needs=("voltage",)),
         Parameter("full_speed", 0.0, 0.5, log=True, needs=BOTH),
         # Of one flight: battery and where it lies, clocks, errors of sensors.
         Parameter("charge", 0.0, 0.03, log=True, flight=True),  # thrust over that of all flights

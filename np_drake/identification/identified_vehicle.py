@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import SURE, Identified
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.vehicle import Calibration, RateLoop, ThrottleMap
+from np_drake.vehicle.vehicle import MOST_IDLE, Calibration, RateLoop, ThrottleMap
 
 SHAPES = {
     "inertia": (3, 3),
@@ -27,6 +27,7 @@ VAGUE = 0.4
 SCALE_OF = {
     "rotor_speed": "thrust_coefficient",
     "throttle": "throttle.full_thrust",
+    "collective": "throttle.full_thrust",
 }  # thrust from what turns rotors
 # least second moment of mass over the largest [1]; own choice: a sheet of 3 % of its length
 FLATTEST = 1e-3
@@ -56,7 +57,7 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         sources["mass"] = "given"
     for field in ("gravity", "rotor_positions", "rotor_directions", "rotor_radius"):
         sources[field] = f"given: {prior.name}"
-    if (body := _possible(np.array(values["inertia"]))) is not None:
+    if (body := _possible(np.array(values.get("inertia", prior.inertia)))) is not None:
         values["inertia"] = body.tolist()
         sources["inertia"] += "; zz lowered to the largest that a body can have"
     if "torque_coefficient" in values:  # told over thrust
@@ -68,7 +69,8 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
     if full is not None:
         power = float(np.clip(values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0))
         linear = float(np.clip(values.get("throttle.linear", 0.0), -0.5, 1.5))
-        throttle = ThrottleMap(full, linear, 0.0, basis.frame.volts or None, power)
+        idle = float(np.clip(values.get("throttle.idle", 0.0), 0.0, MOST_IDLE))
+        throttle = ThrottleMap(full, linear, idle, basis.frame.volts or None, power)
         intervals["max_rotor_thrust"] = intervals["throttle.full_thrust"]
         sources["max_rotor_thrust"] = sources["throttle.full_thrust"]
     # Thrust is told over the mass: an error of a given mass is one of thrust by the same share, and

@@ -1,6 +1,7 @@
 """Identification of a vehicle from its flight logs."""
 
 import dataclasses as dc
+import itertools
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -10,14 +11,29 @@ from scipy.optimize import approx_fprime
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import Estimate, Layout, estimate, parameters
 from np_drake.identification.model import FlightModel, Frame
-from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified
+from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified, Quantity
 from np_drake.identification.rate_loop import AxisLoop, identify_rate_loop
 from np_drake.identification.signals import G, Signals, common_drive, signals
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.published import published_priors
+from np_drake.vehicle.vehicle import AIR
 
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
 LEAST = 1.5  # of it that counts [s]; own choice: half of that
 REMEDY = "Fly roll and pitch doublets, fast turns of the heading and quick changes of height."
+FULL = 0.95  # throttle of hover from which no vehicle flies, so that it is in another unit [1]
+THRUST_NUMBERS = (0.05, 0.16)  # C_T of propellers that are made [1]; source: published static tests
+UNUSUAL = 2.5  # deviations of published vehicles from which an inertia is doubted [1]; own choice
+LEAST_HOVER = 0.05  # throttle in hover [1]; source: `vehicle new`
+RANK = 1e-6  # of a covariance: gains of rotors have a fixed mean [1]
+SHARED = 0.5  # share of a variance that another has, from which both trade [1]; own choice
+TRADE = 0.9  # correlation from which two quantities trade against each other [1]; own choice
+C_T = (
+    "C_T = thrust / (rho n² D⁴)",
+    "Check mass and propeller, and the pole pairs of the log: 12 or 14 poles?",
+)
+OVER_UNIT = ("its share of m l²", "Check the wheelbase and the places of the rotors.")
+STRENGTH = ("thrust over that of hover at this throttle", "Check unit and ends of the throttle.")
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 
 
@@ -47,15 +63,10 @@ class Identification:
         """What is told of the vehicle, in the order of a vehicle file."""
         e, layout, found = self.estimate, self.estimate.layout, []
         for q in (q for q in QUANTITIES if self.parts.issuperset(q.needs)):
-
-            def of(z: np.ndarray, q=q) -> float:
-                value = q.of(layout.values(z), self.basis)
-                return float(np.log(value)) if q.positive else value
-
-            zero = np.zeros_like(e.z)
-            here, gradient, before = of(e.z), approx_fprime(e.z, of, STEP), of(zero)
+            here, gradient = self.of(q, e.z)
+            before, slope = self.of(q, np.zeros_like(e.z))
             sd = float(np.sqrt(e.variance(gradient)))
-            prior = float(np.linalg.norm(_of_one_flight(approx_fprime(zero, of, STEP), layout)))
+            prior = float(np.linalg.norm(_of_one_flight(slope, layout)))
             wide, known = SURE * sd, SURE * prior
             ends = (here - wide, here + wide, before - known, before + known)
             bounds = np.array([here, *ends])
@@ -66,6 +77,15 @@ class Identification:
             p = e.agreement[follows].p if follows in e.agreement else float("nan")
             found.append(Identified(q, value, low, high, (both[0], both[1]), told, p, follows))
         return tuple(found)
+
+    def of(self, q: Quantity, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return a quantity, the logarithm of a positive one, and its derivatives by z (k,)."""
+
+        def value(z: np.ndarray) -> float:
+            own = q.of(self.estimate.layout.values(z), self.basis)
+            return float(np.log(own)) if q.positive else own
+
+        return value(z), approx_fprime(z, value, STEP)
 
     def __getitem__(self, name: str) -> Identified:
         """Return what is told of a quantity by its name."""
@@ -122,6 +142,7 @@ def identify(
     coefficient = prior.thrust_coefficient if told and measured else None
     newtons = told and drive == "command"
     known = parts | ({"trusted"} if coefficient is not None or newtons else {"mass"})
+    known |= {"full"} if frame.throttle < FULL else set()
     spin = frame.unit
     if not measured:
         spin = float(np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient))
@@ -137,6 +158,67 @@ def identify(
         )
     found = estimate(models, layout)
     return Identification(basis, found, frozenset(known), models, prior, tuple(notes), loops)
+
+
+def trades(found: Identification) -> list[tuple[list[str], list[str]]]:
+    """Return names of quantities that trade against each other: of two fields of a vehicle file,
+    one of which is not told, a sum is told far better than either.
+    """
+    kept = [q for q in found.quantities if q.quantity.field]
+    fields = np.array([q.quantity.field for q in kept])
+    gradients = np.stack([found.of(q.quantity, found.estimate.z)[1] for q in kept])
+    covariance = gradients @ found.estimate.covariances[0] @ gradients.T
+    deviation = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(deviation, deviation)
+
+    def shared(own: str, other: str) -> tuple[list[Identified], float]:
+        """Return the quantities of a field most of whose variance another has, and its largest
+        share.
+        """
+        across = correlation[np.ix_(fields == own, fields == other)]
+        among = np.linalg.pinv(correlation[np.ix_(fields == other, fields == other)], RANK)
+        share = np.diag(across @ among @ across.T)
+        places = np.flatnonzero(fields == own)[share > SHARED]
+        return [kept[i] for i in places], float(share.max())
+
+    pairs = []
+    for own, other in itertools.combinations(dict.fromkeys(fields), 2):
+        (one, most), (two, more) = shared(own, other), shared(other, own)
+        trading = one and two and max(most, more) > TRADE**2
+        if trading and not all(q.told for q in (*one, *two)):
+            pairs.append(([q.name for q in one], [q.name for q in two]))
+    return pairs
+
+
+def doubts(found: Identification) -> list[str]:
+    """Return what physics doubts of the values that flights tell, a sentence each."""
+    basis, frame = found.basis, found.basis.frame
+    weight = basis.mass_of(found.estimate.layout.values(found.estimate.z)) * G
+    unit, inertias = weight / G * frame.arm**2, published_priors().inertia.within(UNUSUAL)
+    per_coefficient = (2 * np.pi) ** 2 / (AIR * (2 * frame.radius) ** 4)
+    checks = {  # factor of the quantity, bounds, what they are of, remedy
+        "thrust coefficient": (per_coefficient, THRUST_NUMBERS, *C_T),
+        "inertia xx": (1.0 / unit, inertias, *OVER_UNIT),
+        "inertia yy": (1.0 / unit, inertias, *OVER_UNIT),
+        "thrust at full throttle": (4.0 / weight, _strengths(found), *STRENGTH),
+        "thrust at full command": (4.0 / weight, _strengths(found), *STRENGTH),
+    }
+    said = []
+    for q in (q for q in found.quantities if q.name in checks and q.told and not basis.ratios):
+        factor, (least, most), what, remedy = checks[q.name]
+        if q.high * factor < least or q.low * factor > most:
+            bounds = f"{least:.2g} to {most:.2g}; got {factor * q.value:.2g}"
+            said.append(f"{q.name}: {what} is usually {bounds}. {remedy}")
+    return said
+
+
+def _strengths(found: Identification) -> tuple[float, float]:
+    """Return thrust at full throttle over that in hover, of a curve between line and square [1]."""
+    hover = max(found.basis.frame.throttle, LEAST_HOVER)
+    named = ("command without thrust", "idle speed over full speed")
+    begins = max((q.value for q in found.quantities if q.name in named), default=0.0)
+    turning = max((hover - max(begins, 0.0)) / (1.0 - begins), LEAST_HOVER)
+    return 1.0 / hover, 1.0 / turning**2
 
 
 def lasts(log: FlightLog) -> float:
@@ -176,7 +258,10 @@ def _parts(flights: Sequence[Signals], drive: str) -> set[str]:
         "motors": drive != "rotor_speed" or throttle,
         "newtons": drive == "command",
         "throttle": throttle,
-        "voltage": all(s.voltage is not None for s in flights),
+        "collective": drive == "collective",
+        "rotors": drive != "collective",
+        "voltage": (throttle or drive == "collective")
+        and all(s.voltage is not None for s in flights),
         "velocity": any(s.velocity is not None for s in flights),
         "accelerometer": all(s.accelerometer for s in flights),
     }
@@ -192,7 +277,7 @@ def _frame(flights: Sequence[Signals], prior: Vehicle, drive: str) -> Frame:
         unit = float(np.sqrt(np.mean(inputs**2) / level))
     else:
         unit = float(np.mean(inputs) / level if drive == "command" else np.median(inputs))
-    throttle = unit if drive == "throttle" else 0.0
+    throttle = unit if drive in ("throttle", "collective") else 0.0
     commands = [s.command[s.edges[:-1]][s.good] for s in flights if s.command is not None]
     if commands:
         throttle = float(np.median(np.concatenate(commands)))

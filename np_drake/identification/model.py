@@ -87,6 +87,18 @@ def target_speed(throttle: np.ndarray, linear: float, idle: float = 0.0) -> np.n
     return idle + (1.0 - idle) * np.sqrt(np.maximum((1.0 - linear) * u * u + linear * u, 0.0))
 
 
+def collective_thrust(command: np.ndarray | float, slope: float, bend: float) -> np.ndarray:
+    """Return the thrust of a collective command over that at 1, of any curve about it [1].
+
+    Args:
+        command: of any shape, over the one at which the curve is told [1].
+        slope: of thrust there, over thrust over command [1].
+        bend: half of its change [1].
+    """
+    beyond = np.asarray(command) - 1.0
+    return np.maximum(1.0 + slope * beyond + bend * beyond**2, 0.0)
+
+
 @compiled
 def lagged(target: np.ndarray, row: np.ndarray, step: float, up: float, down: float) -> np.ndarray:
     """Return rotor speeds (m + 1, 4) at the edges of substeps, exact for a held target.
@@ -137,7 +149,8 @@ def means(t: np.ndarray, values: np.ndarray, starts: np.ndarray, stops: np.ndarr
 
 
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
-RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag", "full_speed")  # of a rotor to its command
+# Of a rotor to its command.
+RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag", "full_speed", "slope", "bend")
 
 
 class FlightModel:
@@ -174,8 +187,9 @@ class FlightModel:
         j = inertia(v) * frame.arm**2
         # w x J w of rates in the gyro's axes is that of the inertia in these axes.
         torque -= self._euler @ (gyro.T @ j @ gyro)[MOMENTS] @ gyro.T
-        e = np.empty((len(s), self.channels))
-        e[:, TORQUE] = alpha - torque @ np.linalg.inv(j).T
+        e = np.zeros((len(s), self.channels))
+        if s.drive != "collective":  # which tells no torque
+            e[:, TORQUE] = alpha - torque @ np.linalg.inv(j).T
         place = frame.arm * np.array([v["imu_x"], v["imu_y"], v["imu_z"]]) - self.center(v)
         push += self._lever(v["force_late"], v["window"]) @ (gyro.T @ place) @ gyro.T
         push[:, 2] += rotors.late @ self.gains(v)
@@ -194,7 +208,7 @@ class FlightModel:
         Measured rotor speed is not better than the gyro, which is then taken alone.
         """
         s = self.flight
-        if s.drive == "rotor_speed":
+        if s.drive in ("rotor_speed", "collective"):
             return
         length = np.diff(self._time)[:, None]
         missed = np.where(s.good[:, None], self.residual(v)[:, TORQUE], 0.0) * length
@@ -300,9 +314,11 @@ class FlightModel:
         """Return the fine grid (k,) [s] and the relative speeds (k, 4) there by the command,
         without dead time, for the values of `RESPONSE`.
         """
-        s, frame, (lag, ratio, curve, idle, sag, full) = self.flight, self.frame, response
+        s, frame, (lag, ratio, curve, idle, sag, full, *form) = self.flight, self.frame, response
         if s.drive == "command":
             wanted = np.sqrt(self._relative)
+        elif s.drive == "collective":
+            wanted = np.sqrt(collective_thrust(self._relative, *form))
         else:
             throttle = s.input if s.command is None else s.command
             hover = target_speed(np.array(frame.throttle), curve, idle)

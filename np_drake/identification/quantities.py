@@ -7,7 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from np_drake.identification.model import Frame, Values, inertia, rotor_gains, target_speed
+from np_drake.identification.model import (
+    Frame,
+    Values,
+    collective_thrust,
+    inertia,
+    rotor_gains,
+    target_speed,
+)
 from np_drake.identification.signals import G
 
 # deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits
@@ -96,6 +103,11 @@ def _plain(name: str) -> Callable[[Values, Basis], float]:
     return lambda v, b: v[name]
 
 
+def _drag(name: str) -> Callable[[Values, Basis], float]:
+    """Return the drag over mass at the rotor speed of hover, with which it grows [1/s]."""
+    return lambda v, b: v[name] / float(np.sqrt(v["scale"] * v["charge"]))
+
+
 def _moment(i: int, k: int) -> Callable[[Values, Basis], float]:
     return lambda v, b: b.mass_of(v) * b.frame.arm**2 * float(inertia(v)[i, k])
 
@@ -111,6 +123,9 @@ def _full_over_hover(v: Values, b: Basis) -> float:
 
 def _full(v: Values, b: Basis) -> float:
     """Return the thrust of one rotor at full throttle and the reference voltage [N]."""
+    if b.drive == "collective":
+        full = collective_thrust(1.0 / b.frame.throttle, v["slope"], v["bend"])
+        return b.hover_thrust(v) * float(full)
     return b.hover_thrust(v) * _full_over_hover(v, b) ** 2
 
 
@@ -119,13 +134,43 @@ def _linear(v: Values, b: Basis) -> float:
     thrust of hover.
     """
     u = float(np.clip(b.frame.throttle, 0.05, 0.95))
-    return (float(target_speed(np.array(u), v["curve"], v["idle"])) ** 2 - u * u) / (u - u * u)
+    share = float(target_speed(np.array(u), v["curve"], v["idle"])) ** 2
+    if b.drive == "collective":
+        idle = max(_without_thrust(v, b), 0.0)
+        u, share = (u - idle) / (1.0 - idle), b.hover_thrust(v) / _full(v, b)
+    return (share - u * u) / (u - u * u)
+
+
+def _command(v: Values, b: Basis, weights: float) -> float:
+    """Return the collective command with which thrust is so many weights [1]."""
+    more = weights / (v["scale"] * v["charge"]) - 1.0
+    root = np.sqrt(max(v["slope"] ** 2 + 4.0 * v["bend"] * more, 0.0))
+    return b.frame.throttle * (1.0 + 2.0 * more / (v["slope"] + root))
+
+
+def _hover(v: Values, b: Basis) -> float:
+    """Return the collective command of hover [1]."""
+    return _command(v, b, 1.0)
+
+
+def _without_thrust(v: Values, b: Basis) -> float:
+    """Return the collective command at which the curve of thrust ends [1]."""
+    return _command(v, b, 0.0)
+
+
+def _steepness(v: Values, b: Basis) -> float:
+    """Return the change of thrust with the collective command at hover, over the weight [1]."""
+    beyond = _hover(v, b) / b.frame.throttle - 1.0
+    slope = v["slope"] + 2.0 * v["bend"] * beyond
+    return v["scale"] * v["charge"] * slope / b.frame.throttle
 
 
 ROLL = "roll and pitch doublets"
 YAW = "fast turns of the heading"
 BLIPS = "quick changes of height"
 MOTORS, SPEED, THROTTLE = ("motors",), ("speed",), ("throttle",)
+ROTORS, COLLECTIVE = ("rotors",), ("collective",)
+HEIGHTS = "climbs and descents"
 
 QUANTITIES: tuple[Quantity, ...] = (
     Quantity("mass", "mass", "kg", lambda v, b: b.mass_of(v), positive=True, needs=("trusted",)),
@@ -157,6 +202,7 @@ QUANTITIES: tuple[Quantity, ...] = (
             _moment(i, k),
             (i, k),
             positive=i == k,
+            needs=ROTORS,
             per_mass=True,
             why=f"the vehicle hardly {w}",
             manoeuvre=m,
@@ -177,6 +223,7 @@ QUANTITIES: tuple[Quantity, ...] = (
             "m",
             _center(a),
             (i,),
+            needs=ROTORS,
             why="rotors that are unequal look the same",
             manoeuvre=BLIPS,
         )
@@ -189,6 +236,7 @@ QUANTITIES: tuple[Quantity, ...] = (
             "1",
             _gain(i),
             (i,),
+            needs=ROTORS,
             why="a centre of mass beside the middle looks the same",
             manoeuvre=f"{BLIPS} and {ROLL}",
         )
@@ -200,6 +248,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         "m",
         lambda v, b: v["torque"] * b.frame.radius,
         positive=True,
+        needs=ROTORS,
         why="only its ratio to inertia zz shows",
         manoeuvre=f"{ROLL} while turning",
     ),
@@ -283,6 +332,55 @@ QUANTITIES: tuple[Quantity, ...] = (
         manoeuvre="climbs and descents",
     ),
     Quantity(
+        "hover command",
+        "",
+        "1",
+        _hover,
+        positive=True,
+        needs=COLLECTIVE,
+        why="the vehicle hardly flies",
+        manoeuvre=BLIPS,
+    ),
+    Quantity(
+        "thrust over command at hover, in weights",
+        "",
+        "1",
+        _steepness,
+        positive=True,
+        needs=COLLECTIVE,
+        why="the command stays near hover",
+        manoeuvre=HEIGHTS,
+    ),
+    Quantity(
+        "command without thrust",
+        "throttle.idle",
+        "1",
+        _without_thrust,
+        needs=("collective", "full"),
+        why="the command stays near hover",
+        manoeuvre=HEIGHTS,
+    ),
+    Quantity(
+        "thrust at full command",
+        "throttle.full_thrust",
+        "N",
+        _full,
+        positive=True,
+        needs=("collective", "mass", "full"),
+        per_mass=True,
+        why="the command stays near hover",
+        manoeuvre="climbs at full throttle",
+    ),
+    Quantity(
+        "linear share of command",
+        "throttle.linear",
+        "1",
+        _linear,
+        needs=("collective", "full"),
+        why="the command stays near hover",
+        manoeuvre=HEIGHTS,
+    ),
+    Quantity(
         "idle speed over full speed",
         "",
         "1",
@@ -296,7 +394,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         "throttle.voltage_exponent",
         "1",
         _plain("sag"),
-        needs=("throttle", "voltage"),
+        needs=("voltage",),
         why="the voltage hardly falls",
         manoeuvre="a flight until the battery is low",
     ),
@@ -330,7 +428,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         "drag, lateral",
         "",
         "1/s",
-        _plain("drag"),
+        _drag("drag"),
         needs=("velocity",),
         why="it flies slowly",
         manoeuvre="speed",
@@ -339,7 +437,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         "drag, vertical",
         "",
         "1/s",
-        _plain("climb"),
+        _drag("climb"),
         needs=("velocity",),
         why="it climbs slowly",
         manoeuvre=BLIPS,
@@ -358,7 +456,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         "",
         "m/s",
         _length("flap_x"),
-        needs=("velocity",),
+        needs=("velocity", "rotors"),
         why="it flies slowly",
         manoeuvre="speed",
     ),
@@ -367,7 +465,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         "",
         "m/s",
         _length("flap_y"),
-        needs=("velocity",),
+        needs=("velocity", "rotors"),
         why="it flies slowly",
         manoeuvre="speed",
     ),

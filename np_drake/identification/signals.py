@@ -1,6 +1,7 @@
 """What the estimator takes from a flight: force, angular acceleration and rotor inputs in bins.
 
-What turns the rotors is measured rotor speed, throttle, or thrust and torque.
+What turns the rotors is measured rotor speed, throttle, or thrust and torque; a collective throttle
+tells of their thrust alone.
 """
 
 import dataclasses as dc
@@ -43,7 +44,7 @@ class Substeps:
         return cls(fine, np.searchsorted(t, fine + 0.5 * step, side="right") - 1, step)
 
 
-DRIVES = ("rotor_speed", "throttle", "command")  # the most telling first
+DRIVES = ("rotor_speed", "throttle", "command", "collective")  # the most telling first
 
 
 def of_four_rotors(values: np.ndarray | None) -> bool:
@@ -59,18 +60,22 @@ def of_four_rotors(values: np.ndarray | None) -> bool:
 def drives_of(log: FlightLog) -> tuple[str, ...]:
     """Return what a log holds of its four rotors in every row, of `DRIVES`.
 
-    Raises: ValueError: where the log has neither rotor speed, nor the throttle of four rotors, nor
-    thrust and torque.
+    Raises: ValueError: where the log has neither rotor speed, nor throttle, nor thrust and torque.
     """
     command = log.input == "command" and bool(np.isfinite(log.u).all())
-    held = (of_four_rotors(log.rotor), of_four_rotors(log.throttle), command)
+    collective = log.throttle is not None and of_four_rotors(_of_each(log.throttle))
+    held = (of_four_rotors(log.rotor), of_four_rotors(log.throttle), command, collective)
     if not any(held):
         raise ValueError(
-            f"{log.name}: identification needs what turns each rotor: rotor speed, "
-            f"throttle of four motors, or thrust "
-            "and torque; the log has none of them."
+            f"{log.name}: identification needs what turns the rotors: rotor speed, throttle of "
+            f"four motors or of all together, or thrust and torque; the log has none of them."
         )
     return tuple(kind for kind, there in zip(DRIVES, held, strict=True) if there)
+
+
+def _of_each(throttle: np.ndarray) -> np.ndarray:
+    """Return the throttle (n, 4) of the rotors, of one for all."""
+    return np.repeat(throttle, 4 // throttle.shape[1], axis=1)
 
 
 def common_drive(logs: Sequence[FlightLog], asked: str = "") -> str:
@@ -174,8 +179,7 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
 
     Args:
         unmixer: (4, 4) map from thrust and torque to rotor thrusts [N, N·m].
-        drive: of `drives.DRIVES`; empty: measured rotor speed, else throttle of four rotors, else
-            thrust and torque.
+        drive: of `DRIVES`; empty: the first that the log holds.
     Raises: ValueError: where the log tells nothing of its four rotors.
     """
     drive = drive or drives_of(log)[0]
@@ -202,6 +206,7 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         "rotor_speed": log.rotor,
         "throttle": log.throttle,
         "command": np.maximum(log.u @ unmixer.T, 0.0),
+        "collective": log.throttle if log.throttle is None else _of_each(log.throttle),
     }[drive]
     if not of_four_rotors(source):
         raise ValueError(

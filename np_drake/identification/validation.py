@@ -97,7 +97,7 @@ class HeldOut:
 
     force: (3,) RMS of the residual force [N].
     torque: (3,) of the residual angular acceleration times the identified inertia, so that models
-        compare [N·m].
+        compare [N·m]; NaN where a collective tells none.
     open_loop: (horizons, 4) median errors of `ERRORS` after `HORIZONS`; NaN where the log has no
         states.
     """
@@ -129,7 +129,7 @@ def vehicle_values(
         scale = vehicle.thrust_coefficient * frame.unit**2 / weight
     elif drive == "command":
         scale = frame.unit / weight
-    elif vehicle.throttle is not None:
+    elif vehicle.throttle is not None and drive == "throttle":
         scale = float(vehicle.throttle.thrust(frame.unit, frame.volts or None)) / weight
     gains = np.linalg.lstsq(frame.patterns.T, np.array(c.rotor_gains) - 1.0, rcond=None)[0]
     imu = np.array(c.imu_position or [0.0, 0.0, 0.0]) / arm
@@ -163,6 +163,8 @@ def vehicle_values(
         "clock": -c.clock_offset,
         "curve": curve,
         "idle": 0.0,
+        "slope": 1.5,
+        "bend": 0.375,
         "sag": 0.0 if vehicle.throttle is None else vehicle.throttle.voltage_exponent,
         "full_speed": 1.0,
         "window": 0.5,
@@ -186,6 +188,7 @@ def held_out(
         found.prior, basis.frame, basis.drive, mass, dict.fromkeys(identified, 0.0)
     )
     rows = {"vehicle file": of_file, "identified": identified}
+    untold = basis.drive == "collective"
     out = []
     for number, log in enumerate(logs):
         model, own = adapted(found, log, parts[number] if parts else (0.0, 1.0), rows)
@@ -193,8 +196,9 @@ def held_out(
             e = model.residual(v)[model.flight.good]
             force = mass * np.sqrt(np.mean(e[:, 0:3] ** 2, axis=0))
             torque = np.sqrt(np.mean((e[:, 3:6] @ J.T) ** 2, axis=0))
+            torque = np.full(3, np.nan) if untold else torque
             open_loop = np.full((len(HORIZONS), len(ERRORS)), np.nan)
-            for i, horizon in enumerate(() if log.lacks else HORIZONS):
+            for i, horizon in enumerate(() if log.lacks or untold else HORIZONS):
                 try:
                     _, errors = predict(model, log, v, seconds=horizon)
                     open_loop[i] = np.median(errors[-1], axis=0)

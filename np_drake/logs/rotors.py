@@ -11,16 +11,18 @@ whose columns are in one order tell it together.
 import dataclasses as dc
 import itertools
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy import signal
 
+from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.signals import Signal
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rotor_layout import CORNERS, RotorLayout
+from np_drake.vehicle.rotor_layout import CORNERS, NEAR, RotorLayout
 
 BAND = (
     0.7,
@@ -208,6 +210,17 @@ def rotor_orders(
     return orders[known.index(given(vehicle))], sorted(orders, key=lambda order: -order.score)
 
 
+def tell_directions(logs: Sequence[FlightLog], vehicle: Vehicle) -> bool:
+    """Return whether flights tell which way the propellers turn, or have no columns of rotors."""
+    found = (rotor_orders(own, vehicle) for own in torques_seen(logs, vehicle).values())
+    return all(
+        abs(own.score - other.score) >= SURE
+        for own, orders in filter(None, found)
+        for other in orders
+        if other.rotors == own.rotors and other.directions == tuple(-d for d in own.directions)
+    )
+
+
 def torques_seen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Seen:
     """Return what flights tell of the order of their columns, by the layout that they state."""
     found: dict[RotorLayout | None, list[Evidence]] = {}
@@ -259,13 +272,10 @@ def _ordered(
     best = orders[0]
     if not _better(best, own):
         return log
-    # Likely orders of the columns in which the rotors turn as in the vehicle file.
-    as_built = [
-        o
-        for o in orders
-        if best.score - o.score < SURE
-        and o.directions == tuple(vehicle.rotor_directions[i] for i in o.rotors)
-    ]
+    likely = [o for o in orders if best.score - o.score < SURE]
+    # Of the columns, those in which the rotors turn as in the vehicle file.
+    as_built = [o for o in likely if o.directions == _directions(o, vehicle)]
+    turns = [turn for o in likely if (turn := board_turn(o, vehicle))]
     if len(as_built) == 1:
         best = as_built[0]
     stated = _stated_order(given_log, vehicle)
@@ -284,13 +294,29 @@ def _ordered(
             f"which: {seen}"
         )
         return dc.replace(log, notes=[*log.notes, note])
+    if not as_built and turns:
+        note = (
+            f"the board is turned by {turns[0]} deg about z against the rotors of vehicle "
+            f"{vehicle.name!r} and was turned back, as board_turn: {turns[0]} in a map does; in "
+            f"its axes these are {seen}"
+        )
+        return _with_board_turned(dc.replace(log, notes=[*log.notes, note]), turns[0])
     if not as_built:
+        remedy = "Correct the vehicle file."
+        if tuple(-d for d in best.directions) == _directions(best, vehicle):
+            remedy = (
+                f"The propellers turn the other way: write rotor_directions: "
+                f"{[int(-d) for d in vehicle.rotor_directions]} in the vehicle file, or give "
+                f"--props (in or out) to `identify` or `vehicle new`."
+            )
         raise LogError(
             f"{log.name}: rotor_positions and rotor_directions of vehicle {vehicle.name!r} "
             f"must be in the order of the "
-            f"log's columns; by what turns the vehicle these are {seen}. Correct the vehicle file."
+            f"log's columns; by what turns the vehicle these are {seen}. {remedy}"
         )
     turned = np.argsort(best.rotors).tolist()
+    if turns:
+        seen = f"{seen}, or the board is turned: board_turn: {turns[0]} in a map"
     if given_log.layout is not None:
         note = (
             f"{NOTE} are not in the order that {given_log.layout.source} states, but turn "
@@ -299,6 +325,33 @@ def _ordered(
         return _reordered(dc.replace(log, notes=given_log.notes), turned, note)
     note = f"{NOTE} are not in the order of vehicle {vehicle.name!r} and were put into it: {seen}"
     return _reordered(log, turned, note)
+
+
+def _directions(order: RotorOrder, vehicle: Vehicle) -> tuple[float, ...]:
+    """Return the directions that the vehicle file has of an order's rotors."""
+    return tuple(float(vehicle.rotor_directions[i]) for i in order.rotors)
+
+
+def board_turn(order: RotorOrder, vehicle: Vehicle) -> int:
+    """Return by which right angle about z a board is turned whose torques are those of an order,
+    with its columns as in the vehicle file [deg]; 0: by none.
+    """
+    places = np.array(vehicle.rotor_positions, float)[:, :2] @ [1.0, 1.0j]  # x + i y
+    if order.directions != given(vehicle)[1]:
+        return 0
+    seen, most = places[list(order.rotors)], NEAR * np.abs(places).mean()
+    turns = {90: -1.0j, -90: 1.0j, 180: -1.0}  # of places, in the axes of the board
+    fits = (angle for angle, by in turns.items() if np.abs(by * places - seen).max() < most)
+    return next(fits, 0)
+
+
+def _with_board_turned(log: FlightLog, angle: float) -> FlightLog:
+    """Return the log in the axes of a body against which its board is turned about z [deg]."""
+    turn = attitude.from_rotation_vector(np.array([0.0, 0.0, np.radians(angle)]))
+    names = [name for name in ("w", "al", "commanded_rates") if getattr(log, name) is not None]
+    vectors: dict[str, Any] = {name: attitude.rotate(turn, getattr(log, name)) for name in names}
+    u = np.column_stack([log.u[:, :1], attitude.rotate(turn, log.u[:, 1:])])
+    return dc.replace(log, q=attitude.multiply(log.q, attitude.conjugate(turn)), u=u, **vectors)
 
 
 def _stated_order(log: FlightLog, vehicle: Vehicle) -> list[int]:

@@ -8,7 +8,7 @@ import dataclasses as dc
 import math
 
 from np_drake.files.yaml_file import POSITIVE, check_fields, number, word
-from np_drake.vehicle.rotor_layout import CORNERS, FIRMWARE
+from np_drake.vehicle.rotor_layout import CORNERS, FIRMWARE, PROPS, directions_of
 from np_drake.vehicle.vehicle import AIR, GRAVITY, Vehicle, least_torque_over_thrust
 
 AT_ROTORS = 0.5  # share of the mass at the rotors: motors, propellers, outer arms [1]
@@ -40,6 +40,7 @@ class Measured:
     hover_throttle: float = number(0.0, "1", 0.05, 0.95)
     curve: str = word("quadratic", *CURVES)  # thrust over throttle: quadratic: it is rotor speed
     order: str = word("px4", *FIRMWARE)  # of the rotors
+    props: str = word("in", *PROPS)  # the way the propellers turn at the front
     # Standard deviation over the value [1].
     mass_uncertainty: float = MASS_SPREAD
     thrust_uncertainty: float = THRUST_SPREAD
@@ -79,7 +80,7 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
         "rotor_positions": [
             [_digits(x * arm), _digits(y * arm), 0.0] for x, y in FIRMWARE[m.order].positions
         ],
-        "rotor_directions": list(FIRMWARE[m.order].directions),
+        "rotor_directions": directions_of(FIRMWARE[m.order].positions, m.props),
         "thrust_coefficient": _digits(thrust),
         "torque_coefficient": _digits(lever * thrust),
         "rotor_radius": _digits(0.5 * D),
@@ -116,7 +117,7 @@ def _sources(m: Measured, lever: float) -> dict[str, str]:
         "rotor_positions": f"wheelbase of {m.wheelbase:g} m, in the order of {layout.source}: "
         f"{corners}, which is that "
         "of the rotor columns of a log; the middle is taken as the centre of mass",
-        "rotor_directions": "assumed: inwards at the front; 1 turns clockwise, seen from above",
+        "rotor_directions": f"{m.props}wards at the front; 1 turns clockwise, seen from above",
         "thrust_coefficient": f"estimated: C_T = {THRUST_NUMBER:g} of a propeller of "
         f"{m.propeller:g} m in air of "
         f"{AIR:g} kg/m³",

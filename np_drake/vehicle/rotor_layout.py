@@ -8,6 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.checks import require
+
 # Distance over the mean arm at which two rotors are the same [1]. Source: own choice; a plus turned
 # into an X is 0.77.
 NEAR = 0.5
@@ -58,6 +60,23 @@ class RotorLayout:
                 f"rotor_directions: {wanted} there if the log is right."
             )
         return order
+
+
+PROPS = {"in": 1.0, "out": -1.0}  # the way the propellers turn at the front, seen from above
+
+
+def directions_of(positions: Sequence[Sequence[float]], props: str) -> list[float]:
+    """Return the directions of an X frame's rotors whose propellers turn in or out at the front.
+
+    Raises: ValueError: if the frame is no X.
+    """
+    p = np.asarray([row[:2] for row in positions], float)
+    turns = np.sign(p[:, 0] * p[:, 1])
+    require(
+        np.abs(p).min() > 0.1 * np.abs(p).max() and sum(turns) == 0,
+        f"props: {props} must be of an X frame; write rotor_directions in the vehicle file.",
+    )
+    return (PROPS[props] * turns).tolist()
 
 
 def _scaled(positions: Sequence[Sequence[float]]) -> np.ndarray:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.alignment import common_rows
@@ -34,15 +35,19 @@ from np_drake.logs.importing.log_map import (
     WORLDS,
     LogMap,
     Values,
+    axes_of_word,
     convert,
 )
 from np_drake.logs.importing.signals import Signals, clock_of
 
 DOUBTED = 0.15  # misfit above which a part of a log may be disturbed [1]; own choice
 SHORTEST, LONGEST = 1e-4, 0.2  # interval of a state in a flight log [s]; own choice
+# log likelihood ratio from which a turn is preferred to another [nat]; own choice: 1 in 22,000
+SURE = 10.0
 SEARCHED = 2000  # rows on which other conventions are tried; own choice
 LEAST_SECONDS = 1.0  # of a log whose unit of time is found by its rate alone [s]; own choice
-MOST_CHANGES = 3  # conventions that are changed together in search of agreement [1]
+UPS = ("enu", "ned", "eus", "edn", "uen", "dne")  # worlds; turned about the vertical, none differ
+TURNED = {*UPS[2:], *BODIES[2:]}  # frames that are no habit: changed with one other option at most
 
 Change = tuple[
     tuple[str, Any], ...
@@ -93,16 +98,18 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     x = convert(raw, log_map)
     own = misfits(t, x)
     failed = tuple(failing(own))
+    turned = turned_attitude(t, raw, log_map, Verdict(own, failed))
     if not failed:
-        return Verdict(own, ())
+        return turned or Verdict(own, ())
     laws = {law.split()[0] for law in own}  # none is lost that could be tested before
     singles = list(_alternatives(raw, log_map))
     several = [change for change in singles if not change[0][0].endswith(".signs")]
+    usual = [change for change in several if change[0][1] not in TURNED]
     part = liveliest(raw, len(t))
     trial = Trial(t[part], {name: values[part] for name, values in raw.items()})
-    for count in range(1, MOST_CHANGES + 1):
+    for count, pool in enumerate((singles, several, usual), start=1):
         found = []
-        for chosen in itertools.combinations(singles if count == 1 else several, count):
+        for chosen in itertools.combinations(pool, count):
             change = tuple(itertools.chain(*chosen))
             if len({option for option, _ in change}) < len(change):
                 continue
@@ -117,11 +124,56 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
         if found:
             changes = [change for _, change in sorted(found, key=lambda pair: pair[0])]
             return Verdict(own, failed, changes[0], tuple(changes[1:]))
+        if turned:
+            return turned
     aside = told_by_noise(own)
     disturbed = all(
         law in aside or (law.startswith("lift") and own[law] < OPPOSED) for law in failed
     )
     return Verdict(own, () if disturbed else failed)
+
+
+def turned_attitude(
+    t: np.ndarray, raw: Values, log_map: LogMap, verdict: Verdict
+) -> Verdict | None:
+    """Return the verdict with the right-angle turns that attitude and gyro tell together, however
+    little they move and whatever else fails; None where they tell none.
+
+    Each turn has the log likelihood ratio of two Gaussian signals about each axis to no relation.
+
+    Args:
+        t: (n,) evenly spaced times [s].
+        raw: columns (n, k) of the log at these times, by quantity.
+        verdict: that of the other laws.
+    """
+    over = Windows(t, WINDOW)
+    tells = {"attitude", "rates"} <= raw.keys() and not log_map.rates.is_turned("rates")
+    if not over.fit or not tells:
+        return None
+    x = convert(raw, dc.replace(log_map, board_turn=0.0))
+    moves = np.concatenate([over.turn(x["attitude"]), over.integral(x["rates"])], axis=1)
+    moves = (moves - moves.mean(axis=0)) / np.maximum(moves.std(axis=0), 1e-9)
+    correlation = moves[:, :3].T @ moves[:, 3:] / len(moves)
+    declared = log_map.frames(log_map.attitude)[1]
+    back, count = axes_of_word(declared).T, (t[-1] - t[0]) / WINDOW
+    found = {word: np.diag(axes_of_word(word) @ back @ correlation) for word in BODIES}
+    left = {word: np.maximum(1 - np.maximum(r, 0.0) ** 2, 1e-9) for word, r in found.items()}
+    score = {word: float(-0.5 * count * np.log(rest).sum()) for word, rest in left.items()}
+    ranked = sorted(BODIES, key=lambda word: -score[word])
+    best, own = found[ranked[0]], found[declared]
+    likely = [word for word in ranked if score[ranked[0]] - score[word] < SURE]
+    # About no axis do they move against each other: another convention would be wrong, too.
+    if declared in likely or best.min() < -2 / np.sqrt(count):
+        return None
+    axes = {"attitude axes": float(1 - own[np.argmax(best - own)])}
+    first, *others = ((("attitude.body", word),) for word in likely)
+    rest = check_conventions(t, raw, changed(log_map, first))
+    return Verdict(
+        axes | verdict.misfits,
+        (*axes, *verdict.failed),
+        (*first, *rest.changes),
+        (*((*first, *change) for change in rest.rivals), *others),
+    )
 
 
 class Trial:
@@ -216,15 +268,34 @@ def as_text(change: Change) -> str:
     return ", ".join(f"{option}: {value}" for option, value in change)
 
 
+def _explained(change: Change, log_map: LogMap) -> str:
+    """Return a change as it stands in a map, and by which turn the attitude then differs from what
+    was declared.
+    """
+    body, text = dict(change).get("attitude.body"), as_text(change)
+    if body is None:
+        return text
+    own = axes_of_word(log_map.frames(log_map.attitude)[1])
+    turn = Rotation.from_matrix(own.T @ axes_of_word(body)).as_rotvec(degrees=True)
+    signed = zip("xyz", np.sign(turn.round()), strict=True)
+    axes = [f"-{axis}" if sign < 0 else axis for axis, sign in signed if sign]
+    about = axes[0] if len(axes) == 1 else f"the diagonal of {', '.join(axes)}"
+    angle = np.linalg.norm(turn)
+    return f"{text} (the attitude's axes are turned by {angle:.0f} deg about {about})"
+
+
 def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
     """Yield every other convention that a log may need."""
-    yield (("world", _other(WORLDS, log_map.world)),)
+    yield from ((("world", world),) for world in UPS if world != log_map.world)
     yield (("body", _other(BODIES, log_map.body)),)
     if "position" in raw and "velocity" in raw:
         worlds = {
             name: log_map.frames(getattr(log_map, name))[0] for name in ("position", "velocity")
         }
         yield tuple((f"{name}.world", _other(WORLDS, own)) for name, own in worlds.items())
+    if {"attitude", "rates"} <= raw.keys():  # by another instrument, as motion capture
+        own = log_map.frames(log_map.attitude)[1]
+        yield from ((("attitude.body", body),) for body in BODIES if body != own)
     for name in raw:
         for options in _of_quantity(name, log_map):
             if "attitude" in raw or not {"kind", "axes"} & options.keys():  # else of the body alone
@@ -246,7 +317,7 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
         ("order", ORDERS, source.order, turns and not euler),
         ("direction", DIRECTIONS, source.direction, turns),
         ("world", WORLDS, world, turns or (axes == "world" and vector)),
-        ("body", BODIES, body, turns or (axes == "body" and vector)),
+        ("body", BODIES, body, axes == "body" and vector and not turns),
         ("axes", ("world", "body"), axes, name in ("velocity", "rates")),
     )
     yield from ({option: _other(words, own)} for option, words, own, has in pairs if has)
@@ -361,7 +432,8 @@ def agreed(
             verdict,
         )
     if not adopt or verdict.rivals:
-        fit = "; or ".join(as_text(change) for change in (verdict.changes, *verdict.rivals[:2]))
+        fits = (verdict.changes, *verdict.rivals[:3])  # of turns about one axis, all
+        fit = "; or ".join(_explained(change, log_map) for change in fits)
         raise WrongConventions(
             f"{path}: it does not fit the conventions declared ({wrong}), but fits {fit}. "
             "Write that in the map" + ("." if verdict.rivals else ", or give --adopt."),

@@ -3,18 +3,39 @@ to SI units and our frames.
 """
 
 import dataclasses as dc
+import itertools
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from np_drake import attitude
 from np_drake.checks import require
 from np_drake.files.yaml_file import check_fields, load_checked, number, read_yaml, word
 from np_drake.logs.columns import GRAVITY as GRAVITY
 
-WORLDS = ("enu", "ned")  # z up (any horizontal axes), z down
-BODIES = ("flu", "frd")  # z along the thrust, z against it
+# Where an axis of a frame may point: forward, left, up of the body; east, north, up of the world.
+POINTS = {"f": 0, "l": 1, "u": 2, "e": 0, "n": 1}
+AXES = {letter: np.eye(3)[axis] for letter, axis in POINTS.items()}
+AXES |= {back: -AXES[letter] for back, letter in zip("brdws", "fluen", strict=True)}
+
+
+def axes_of_word(word: str) -> np.ndarray:
+    """Return the axes x, y, z (3, 3) that the letters of a frame name, as columns in our frame."""
+    return np.stack([AXES[letter] for letter in word], axis=1)
+
+
+def _frames(usual: tuple[str, ...], letters: str) -> tuple[str, ...]:
+    """Return the words of the 24 right-handed frames, the usual first."""
+    words = map("".join, itertools.permutations(letters, 3))
+    right = (word for word in words if np.linalg.det(axes_of_word(word)) > 0)
+    return tuple(dict.fromkeys((*usual, *right)))
+
+
+WORLDS = _frames(("enu", "ned"), "enuwsd")  # z up (any horizontal axes), z down, others
+BODIES = _frames(("flu", "frd"), "flubrd")  # z along the thrust, z against it, others
 TIMINGS = ("held_after", "held_before", "averaged", "sampled", "unknown")
 UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "position": {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048},
@@ -73,8 +94,8 @@ class Source:
     kind: str = word("", "", "specific_force", "acceleration")
     order: str = word("wxyz", *ORDERS)  # of a quaternion
     direction: str = word("body_to_world", *DIRECTIONS)  # of an attitude
-    world: str = word("", "", *WORLDS)  # frame of this quantity, where it differs from the map's
-    body: str = word("", "", *BODIES)  # frame of this quantity, where it differs from the map's
+    world: str = word("", "", *WORLDS, meaning="`world`, where it differs from the map's")
+    body: str = word("", "", *BODIES, meaning="`body`, where it differs from the map's")
     # by which the stamps are later than the quantity; None: measured (`one_clock`) [s]
     late: float | None = None
     # of a throttle, its readings at 0 and 1, once or for each column; empty: those of the unit
@@ -105,8 +126,11 @@ class LogMap:
 
     # crazyflie | blackbox | ulog | dataflash | tlog | ros | neural_fly | table; empty: as it looks
     format: str = ""
-    world: str = word("enu", *WORLDS)  # frame of the world: enu (z up) | ned (z down)
-    body: str = word("flu", *BODIES)  # of the body: flu (z along the thrust) | frd (z against it)
+    # Frames, by letters that say where x, y and z point.
+    world: str = word("enu", *WORLDS, meaning="world: enu (z up), ned (z down), eus (y up), others")
+    body: str = word("flu", *BODIES, meaning="body: flu (z along the thrust), frd, lbu, others")
+    # of the board to the left, about the thrust, against the rotors' places [deg]
+    board_turn: float = number(0.0, "deg", -180.0, 180.0)
     # when a row's command acts: held_after (from this row to the next) | held_before (until this
     # row) | averaged (its mean over the interval after this row) | sampled (of one that changes in
     # between, as in a thinned log) | unknown
@@ -271,11 +295,20 @@ def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
         require(holds, f"LogMap: {name}: {what}.")
 
 
-NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-FRD_TO_FLU = np.array([1.0, -1.0, -1.0])
+NED_TO_ENU = axes_of_word("ned")
+FRD_TO_FLU = np.diag(axes_of_word("frd"))
 Q_WORLD = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])  # of NED_TO_ENU
 Q_BODY = np.array([0.0, 1.0, 0.0, 0.0])  # of FRD_TO_FLU
 Values = Mapping[str, np.ndarray]
+
+
+@cache
+def _turn(word: str, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return matrix (3, 3) and quaternion (4,) from a frame of a log, turned about z [deg], to
+    ours.
+    """
+    R = Rotation.from_euler("z", angle, degrees=True) * Rotation.from_matrix(axes_of_word(word))
+    return R.as_matrix(), np.roll(R.as_quat(), 1)
 
 
 def convert(raw: Values, log_map: LogMap) -> dict[str, np.ndarray]:
@@ -332,11 +365,8 @@ def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray
     if source.direction == "world_to_body":
         q = q * [1.0, -1.0, -1.0, -1.0]
     world, body = log_map.frames(source)
-    if world == "ned":
-        q = attitude.multiply(np.broadcast_to(Q_WORLD, q.shape), q)
-    if body == "frd":
-        q = attitude.multiply(q, np.broadcast_to(Q_BODY, q.shape))
-    return q
+    q_W, q_B = _turn(world)[1], _turn(body, log_map.board_turn)[1]
+    return attitude.multiply(attitude.multiply(q_W, q), attitude.conjugate(q_B))
 
 
 def _turned(name: str, values: np.ndarray, q: np.ndarray | None, log_map: LogMap) -> np.ndarray:
@@ -346,10 +376,8 @@ def _turned(name: str, values: np.ndarray, q: np.ndarray | None, log_map: LogMap
     source = getattr(log_map, name)
     world, body = log_map.frames(source)
     axes = source.axes_of(name)
-    if axes == "world" and world == "ned":
-        values = values @ NED_TO_ENU.T
-    if axes == "body" and body == "frd":
-        values = values * FRD_TO_FLU
+    own = _turn(world) if axes == "world" else _turn(body, log_map.board_turn)
+    values = values @ own[0].T
     if source.is_turned(name) and q is not None:
         values = attitude.rotate(q, values) if axes == "body" else attitude.rotate_back(q, values)
     if name == "acceleration" and source.kind != "acceleration":

@@ -9,13 +9,14 @@ import pytest
 
 from diagrams.cli.main import run
 from np_drake.files.yaml_file import load_checked
-from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.formats.log_file import read, write_log
 from np_drake.logs.formats.text_table import write_csv
 from np_drake.vehicle import Vehicle, load_vehicle
 
 NAME = "crazyflie_brushless"
 TRUE = load_vehicle(NAME)
 GUESS = ["--vehicle", NAME]
+EACH = ("thrust", "tx", "ty", "tz", *(f"rotor{i}" for i in range(1, 5)))
 
 
 def with_throttle(log) -> dict[str, np.ndarray]:
@@ -91,7 +92,7 @@ def test_the_json_holds_every_quantity_and_the_held_out_errors(result):
     "arguments, said",
     [
         (["a.csv", *GUESS, "--mass", "0"], "--mass must be 0.005 to 1000 kg; got 0"),
-        (["a.csv", *GUESS, "--input", "steam"], "rotor_speed, throttle or command; got 'steam'"),
+        (["a.csv", *GUESS, "--input", "steam"], "command or collective; got 'steam'"),
         (["a.csv", *GUESS, "--trust", "luck"], "--trust must be mass or thrust; got 'luck'"),
         (
             ["throttle.csv", *GUESS, "--trust", "thrust"],
@@ -115,8 +116,43 @@ def test_bad_input_is_one_clear_line(folder, monkeypatch, capsys, arguments, sai
     assert said in refusal(capsys, *arguments)
 
 
+def test_logs_without_a_vehicle_file_are_identified_by_four_measures(folder, capsys, tmp_path):
+    arm = 2.0**0.5 * abs(TRUE.rotor_positions[0][0]) + 2.0**0.5 * abs(TRUE.rotor_positions[0][1])
+    measures = ["--wheelbase", str(arm), "--propeller", str(2 * TRUE.rotor_radius)]
+    measures += ["--order", "crazyflie", "--mass", str(TRUE.mass)]
+    log = str(folder / "a.csv")
+    assert run(["identify", log, *measures, "--out", str(tmp_path)]) == 0
+    found = load_checked(Vehicle, tmp_path / "vehicle.yaml", "vehicle")
+    np.testing.assert_allclose(np.diag(found.J), np.diag(TRUE.J), rtol=0.05)
+    assert "--props" in refusal(capsys, log, *measures, "--props", "out")
+    assert "--props" in refusal(capsys, log, *GUESS, "--props", "out")
+    assert "--props must be in or out; got 'up'" in refusal(capsys, log, *GUESS, "--props", "up")
+    assert "leave --order out" in refusal(capsys, log, *GUESS, "--order", "px4")
+    missing = refusal(capsys, log, *measures[2:])
+    assert "give --vehicle FILE, or --wheelbase as well" in missing
+
+
+def test_a_collective_command_gives_its_map_and_says_what_needs_rotors(folder, capsys, tmp_path):
+    paths = [tmp_path / f"{name}.csv" for name in "ab"]
+    for path in paths:
+        (log,) = read(folder / path.name)
+        lift = TRUE.thrust_coefficient * np.sum(log.rotor**2, axis=1)
+        command = 0.06 + 0.44 * lift / (TRUE.mass * TRUE.gravity)
+        kept = {name: c for name, c in log.columns().items() if name not in EACH}
+        write_csv(path, kept | {"throttle": command})
+    assert run(["identify", *map(str, paths), *GUESS, "--out", str(tmp_path / "out")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert re.search(
+        r"not told: inertia xx[^;]*; rotor speed, or the throttle of each motor, in the log", said
+    )
+    found = load_checked(Vehicle, tmp_path / "out" / "vehicle.yaml", "vehicle")
+    share = 4 * found.throttle.thrust(0.5) / (TRUE.mass * TRUE.gravity)
+    assert share == pytest.approx(1.0, abs=0.02)
+
+
 def test_a_hover_says_what_it_does_not_tell_and_which_manoeuvre_would(folder, capsys):
     assert run(["identify", str(folder / "hover.csv"), *GUESS]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert re.search(r"not told: [^;]*inertia xx[^;]*; roll and pitch doublets would tell", said)
     assert re.search(r"not told: [^;]*drag, lateral[^;]*; speed would tell", said)
+    assert "none tells which way the propellers turn" in said

@@ -10,6 +10,7 @@ from diagrams.identification.page import (
     half_width,
     headline,
     interval,
+    not_told,
     place_in_prior,
     summary,
     write_page,
@@ -60,7 +61,7 @@ def test_the_page_begins_with_the_answer_and_needs_no_network(folder, found):
     page = (folder / "identification.html").read_text()
     first = re.search(r"<h1>(.*?)</h1>", page)
     assert first is not None
-    assert first[1] == headline(found)
+    assert first[1].replace("\xa0", " ") == headline(found).replace("\xa0", " ")
     assert page.index("<h1>") < page.index("<h2>")
     assert not re.search(r'(src|href)="(?!data:|vehicle\.yaml)', page)
     pictures = sorted(path.stem for path in folder.glob("*.png"))
@@ -69,6 +70,32 @@ def test_the_page_begins_with_the_answer_and_needs_no_network(folder, found):
     for quantity in found.quantities:
         assert f"<b>{quantity.name}</b>" in page
         assert interval(quantity)[1] in page
+
+
+def test_the_first_sentence_names_three_numbers_and_which_are_told(found):
+    line = headline(found)
+    for name in ("thrust coefficient", "inertia xx", "time constant up"):
+        if name in {q.name for q in found.quantities}:
+            told = "told" if found[name].told else "not told"
+            assert re.search(rf"{name} [^;]*? \(±[^)]*, {told}\)", line), name
+    assert line.startswith("5 flights of crazyflie_brushless: ")
+
+
+def test_what_trades_and_is_doubted_is_said_and_not_listed_as_untold(found):
+    z, n = found.estimate.z, found.estimate.layout.names
+    covariance = 1e-4 * np.eye(len(z))
+    i, k = n.index("com_x"), n.index("gain_pitch")
+    covariance[np.ix_([i, k], [i, k])] = [[1.0, -0.99], [-0.99, 1.0]]
+    frame = dc.replace(found.basis.frame, radius=0.25 * found.basis.frame.radius)
+    dut = dc.replace(
+        found,
+        estimate=dc.replace(found.estimate, covariances=(covariance,)),
+        basis=dc.replace(found.basis, frame=frame),
+    )
+    said = summary(dut)
+    assert [line for line in said if line.startswith("not told apart: centre of mass x against")]
+    assert [line for line in said if line.startswith("doubted: thrust coefficient")]
+    assert "centre of mass x" not in [name for _, names, _ in not_told(dut) for name in names]
 
 
 def test_the_flight_that_differs_is_named(found, tmp_path):

@@ -140,6 +140,15 @@ def flight(
     )
 
 
+def collective_flight(**options) -> FlightLog:
+    """Return a flight of which a collective command is logged: 0.06 and 0.44 of thrust over
+    weight.
+    """
+    log = flight(drive="command", **options)
+    command = 0.06 + 0.44 * log.u[:, :1] / (TRUE.mass * G)
+    return dc.replace(log, u=np.full(log.u.shape, np.nan), throttle=command, input="normalised")
+
+
 def _solve(vehicle: Vehicle, motion: tuple, drag: float):
     """Return relative speeds (n, 4), their mean (n,), speed in hover [rad/s] and velocity (n, 3) of
     the mass.

@@ -25,6 +25,13 @@ def found(analytic, flights):
 
 
 @pytest.fixture(scope="session")
+def by_collective(analytic):
+    """What is identified from two flights whose thrust begins at a command of 0.06."""
+    logs = [analytic.collective_flight(seed=seed, seconds=10.0) for seed in range(2)]
+    return identify(logs, analytic.KNOWN, mass=analytic.TRUE.mass)
+
+
+@pytest.fixture(scope="session")
 def by_throttle(analytic):
     """What is identified from two flights with throttle."""
     logs = [analytic.flight(seed=seed, seconds=10.0, drive="throttle") for seed in range(2)]

@@ -35,6 +35,14 @@ def test_flights_without_an_input_in_common_are_refused_by_name():
         common_drive([log("a", **ROTORS), log("b")])
 
 
-def test_a_log_without_four_rotors_is_refused():
-    with pytest.raises(ValueError, match="c: identification needs what turns each rotor"):
+def test_a_log_without_any_throttle_or_torque_is_refused():
+    with pytest.raises(ValueError, match="c: identification needs what turns the rotors"):
         common_drive([dc.replace(log("c"), input="thrust_only")])
+
+
+def test_one_throttle_for_all_rotors_is_the_least_telling_of_all():
+    one = log("d", throttle=np.full((20, 1), 0.5), input="normalised")
+    assert common_drive([one]) == "collective"
+    assert common_drive([log("b", **THROTTLES, input="normalised"), one]) == "collective"
+    with pytest.raises(ValueError, match="b command; d collective"):
+        common_drive([log("b"), one])

@@ -38,6 +38,13 @@ def test_the_throttle_map_is_the_true_one(analytic, by_throttle):
     assert dut.max_rotor_thrust == pytest.approx(10.0, rel=0.02)
 
 
+def test_the_map_of_a_collective_command_is_the_true_one(analytic, by_collective):
+    dut = identified_vehicle(by_collective, "mine")
+    thrust = 4 * dut.throttle.thrust(np.array([0.4, 0.5, 0.6])) / (analytic.TRUE.mass * 9.81)
+    np.testing.assert_allclose(thrust, (np.array([0.4, 0.5, 0.6]) - 0.06) / 0.44, rtol=0.02)
+    assert dut.inertia == analytic.KNOWN.inertia  # which no collective tells
+
+
 def test_without_mass_no_file_is_written(analytic):
     found = identify([analytic.flight(seconds=4.0)], analytic.KNOWN)
     with pytest.raises(ValueError, match="needs the mass") as told:

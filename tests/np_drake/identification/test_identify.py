@@ -1,10 +1,11 @@
 import dataclasses as dc
+import re
 
 import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.identification.identify import Identification, identify
+from np_drake.identification.identify import Identification, doubts, identify, trades
 
 TRUTH = {  # name: (value, tolerance of it), beside which the interval must hold the value nearly
     "thrust coefficient": (9e-6, 3e-8),
@@ -66,6 +67,24 @@ def same(one: Identification, two: Identification, share: float = 0.02) -> None:
         assert (b.high - b.low) == pytest.approx(a.high - a.low, rel=5 * share), a.name
 
 
+def test_a_collective_command_tells_its_curve_and_no_rotor(by_collective):
+    dut = by_collective
+    truth = {  # value, and what the unequal rotors of the flight change
+        "hover command": (0.5, 0.01),
+        "thrust over command at hover, in weights": (1 / 0.44, 0.03),
+        "command without thrust": (0.06, 0.02),
+        "time constant up": (0.03, 0.004),
+        "transport delay": (0.008, 0.004),
+        "drag, lateral": (0.1, 0.01),
+    }
+    for name, (value, tolerance) in truth.items():
+        assert dut[name].value == pytest.approx(value, abs=tolerance), name
+        assert dut[name].low - tolerance < value < dut[name].high + tolerance
+        assert dut[name].told, name
+    named = " ".join(q.name for q in dut.quantities)
+    assert not any(word in named for word in ("inertia", "rotor", "torque", "centre of mass"))
+
+
 @pytest.mark.parametrize("kind", ["found", "by_throttle"])
 def test_a_flight_in_closed_form_tells_its_vehicle(kind, request):
     dut = request.getfixturevalue(kind)
@@ -73,6 +92,46 @@ def test_a_flight_in_closed_form_tells_its_vehicle(kind, request):
         value, tolerance = TRUTH[name]
         assert dut[name].value == pytest.approx(value, abs=tolerance), name
         assert dut[name].low - tolerance < value < dut[name].high + tolerance
+
+
+def framed(dut: Identification, **changed) -> Identification:
+    """Return an identification with other given values of the vehicle."""
+    frame = dc.replace(dut.basis.frame, **changed)
+    return dc.replace(dut, basis=dc.replace(dut.basis, frame=frame))
+
+
+def shifted(dut: Identification, name: str, deviations: float) -> Identification:
+    """Return an identification with one parameter elsewhere in its prior."""
+    z = dut.estimate.z.copy()
+    z[dut.estimate.layout.names.index(name)] = deviations
+    return dc.replace(dut, estimate=dc.replace(dut.estimate, z=z))
+
+
+def test_physics_doubts_values_of_no_vehicle(found, by_throttle):
+    fits = framed(found, radius=0.12)  # C_T 0.09
+    assert doubts(fits) == []
+    (doubt,) = doubts(framed(found, radius=0.06))
+    assert re.match(r"thrust coefficient: C_T.*12 or 14 poles\?", doubt)
+    xx, yy = doubts(shifted(fits, "jxx", 4.0))
+    assert xx.startswith("inertia xx: its share of m l²")
+    assert "wheelbase" in yy
+    assert doubts(by_throttle) == []
+    (doubt,) = doubts(shifted(by_throttle, "curve", -2.5))
+    assert re.match("thrust at full throttle.*ends of the throttle", doubt)
+
+
+def test_a_centre_of_mass_that_unequal_rotors_explain_trades_against_them(found):
+    names = found.estimate.layout.names
+    covariance = 1e-4 * np.eye(len(found.estimate.z))
+    i, k = names.index("com_x"), names.index("gain_pitch")
+    assert (
+        trades(dc.replace(found, estimate=dc.replace(found.estimate, covariances=(covariance,))))
+        == []
+    )
+    covariance[np.ix_([i, k], [i, k])] = [[1.0, -0.99], [-0.99, 1.0]]
+    dut = dc.replace(found, estimate=dc.replace(found.estimate, covariances=(covariance,)))
+    gains = [f"gain of rotor {number}" for number in range(1, 5)]
+    assert trades(dut) == [(["centre of mass x"], gains)]
 
 
 def test_neither_heading_nor_place_of_the_world_matter(alone, again, short):

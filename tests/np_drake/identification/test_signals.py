@@ -55,7 +55,8 @@ def test_rotor_speed_goes_before_throttle_and_throttle_before_thrust(analytic):
     assert drives_of(both)[0] == "rotor_speed"
     assert drives_of(dc.replace(both, rotor=None))[0] == "throttle"
     assert drives_of(analytic.flight(seconds=4.0, drive="command"))[0] == "command"
-    assert {"rotor_speed", "throttle", "command"} == set(DRIVES)
+    assert drives_of(analytic.collective_flight(seconds=4.0))[0] == "collective"
+    assert {"rotor_speed", "throttle", "command", "collective"} == set(DRIVES)
 
 
 @pytest.mark.parametrize("field", ["t", "q", "v", "w", "a"])

@@ -2,13 +2,16 @@
 
 import dataclasses as dc
 import itertools
+import re
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.rotors import NOTE, in_vehicle_order, torque_agreement
+from np_drake.logs.rotors import NOTE, in_vehicle_order, tell_directions, torque_agreement
+from np_drake.vehicle.rotor_layout import directions_of
 from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 
 STEP, SECONDS = 0.01, 8.0
@@ -63,6 +66,59 @@ def test_rotors_that_turn_otherwise_than_in_the_file_are_refused():
         error.value
     )
     assert "\n" not in str(error.value)
+
+
+def on_a_turned_board(log: FlightLog, angle: float) -> FlightLog:
+    """Return the log of a board whose axes are turned to the left of the body's [deg]."""
+    R = Rotation.from_euler("z", angle, degrees=True)
+    q = Rotation.from_quat(np.roll(log.q, -1, axis=1)) * R
+    return dc.replace(log, w=R.inv().apply(log.w), q=np.roll(q.as_quat(), 1, axis=1))
+
+
+@pytest.mark.parametrize("name", ["paper", "crazyflie", "x500", "neurobem"])
+@pytest.mark.parametrize("angle", [90, -90])
+def test_a_board_turned_by_a_right_angle_is_found_and_turned_back(name, angle):
+    vehicle = load_vehicle(name)
+    log = turning(vehicle)
+    (dut,) = in_vehicle_order([on_a_turned_board(log, angle)], vehicle)
+    np.testing.assert_array_equal(dut.rotor, log.rotor)
+    np.testing.assert_allclose(dut.w, log.w, atol=1e-12)
+    np.testing.assert_allclose(dut.q, log.q, atol=1e-12)
+    assert f"board_turn: {angle} in a map" in dut.notes[0]
+
+
+def test_a_board_turned_round_is_an_order_of_its_columns_and_said():
+    vehicle = load_vehicle("crazyflie")
+    log = turning(vehicle)
+    (dut,) = in_vehicle_order([on_a_turned_board(log, 180)], vehicle)
+    np.testing.assert_array_equal(dut.rotor, log.rotor[:, [2, 3, 0, 1]])
+    assert "or the board is turned: board_turn: 180 in a map" in dut.notes[0]
+
+
+@pytest.mark.parametrize("flown, filed", itertools.product(("in", "out"), repeat=2))
+def test_propellers_that_turn_the_other_way_are_named_with_what_mends_it(flown, filed):
+    vehicle = load_vehicle("x500")
+    own, file = (
+        dc.replace(vehicle, rotor_directions=directions_of(vehicle.rotor_positions, props))
+        for props in (flown, filed)
+    )
+    if flown == filed:
+        assert in_vehicle_order([turning(own)], file)[0].notes == []
+        return
+    written = re.escape(str([int(d) for d in own.rotor_directions]))
+    with pytest.raises(LogError, match=f"turn the other way.*{written}.*--props"):
+        in_vehicle_order([turning(own)], file)
+
+
+def test_flights_that_hardly_yaw_do_not_tell_the_way_that_propellers_turn():
+    vehicle = load_vehicle("crazyflie")
+    log = turning(vehicle)
+    assert tell_directions([log], vehicle)
+    assert tell_directions([dc.replace(log, rotor=None)], vehicle)  # nothing to turn
+    u = vehicle.thrust_coefficient * log.rotor**2 @ vehicle.mixer.T
+    u[:, 3] = u[:, 3].std() * np.random.default_rng(3).normal(size=len(u))
+    rotor = np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
+    assert not tell_directions([dc.replace(log, rotor=rotor)], vehicle)
 
 
 def test_a_throttle_of_each_rotor_tells_its_order_behind_the_motors_lag():

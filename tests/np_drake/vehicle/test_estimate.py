@@ -9,7 +9,7 @@ import pytest
 
 from np_drake.logs.formats.neurobem import published_vehicle
 from np_drake.vehicle.estimate import AIR, FIGURE_OF_MERIT, HEAD, Measured, estimate
-from np_drake.vehicle.rotor_layout import FIRMWARE, RotorLayout
+from np_drake.vehicle.rotor_layout import FIRMWARE, RotorLayout, directions_of
 from np_drake.vehicle.scaling import numbers
 from np_drake.vehicle.text import vehicle_text
 from np_drake.vehicle.vehicle import (
@@ -47,6 +47,13 @@ def test_rotors_stand_in_the_order_of_the_autopilot_a_wheelbase_apart(order, cor
     )
     apart = np.linalg.norm(p[:, None] - p, axis=2)
     assert apart.max(axis=1) == pytest.approx(4 * [0.4], rel=1e-5)
+
+
+def test_propellers_that_turn_out_are_those_that_turn_in_mirrored():
+    inwards, out = (estimate(dc.replace(MINE, props=props)) for props in ("in", "out"))
+    assert out.rotor_directions == [-d for d in inwards.rotor_directions]
+    with pytest.raises(ValueError, match="props: out must be of an X frame"):
+        directions_of(load_vehicle("hummingbird").rotor_positions, "out")
 
 
 def test_the_rotor_spends_the_ideal_power_over_the_figure_of_merit():

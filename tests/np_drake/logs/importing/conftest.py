@@ -17,10 +17,10 @@ from tests.np_drake.diagnosis import simulated_flights
 from tests.np_drake.logs.formats.conftest import load_writer
 from tests.np_drake.logs.importing import autopilot_streams
 
-ENU_OF_NED = np.array(
-    [[0, 1, 0], [1, 0, 0], [0, 0, -1]], float
-)  # x east from y, y north from x, z up
-FLU_OF_FRD = np.diag([1.0, -1.0, -1.0])
+POINTS = {  # of the letters of a frame, in ours
+    **{"f": (1, 0, 0), "l": (0, 1, 0), "u": (0, 0, 1), "e": (1, 0, 0), "n": (0, 1, 0)},
+    **{"b": (-1, 0, 0), "r": (0, -1, 0), "d": (0, 0, -1), "w": (-1, 0, 0), "s": (0, -1, 0)},
+}
 GRAVITY = np.array([0.0, 0.0, 9.81])
 Quantities = dict[str, np.ndarray]
 
@@ -56,10 +56,9 @@ def columns_in(log_map: LogMap, x: Quantities) -> Quantities:
     out = {}
     for name, value in x.items():
         source = getattr(log_map, name)
-        W = (
-            ENU_OF_NED if (source.world or log_map.world) == "ned" else np.eye(3)
-        )  # ours from theirs
-        B = FLU_OF_FRD if (source.body or log_map.body) == "frd" else np.eye(3)
+        words = (source.world or log_map.world, source.body or log_map.body)
+        W, B = (np.array([POINTS[point] for point in word], float).T for word in words)
+        B = Rotation.from_euler("z", log_map.board_turn, degrees=True).as_matrix() @ B
         if name == "attitude":
             R = W.T @ R_WB @ B
             R = np.swapaxes(R, 1, 2) if source.direction == "world_to_body" else R

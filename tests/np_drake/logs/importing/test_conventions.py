@@ -7,15 +7,23 @@ import itertools
 import numpy as np
 import pytest
 
+from np_drake import attitude
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.logs.importing.conventions import Trial, as_text, changed, check_conventions
+from np_drake.logs.importing.conventions import (
+    Trial,
+    WrongConventions,
+    agreed,
+    as_text,
+    changed,
+    check_conventions,
+)
 from np_drake.logs.importing.laws import FAILS, misfits, told_by_noise
-from np_drake.logs.importing.log_map import Source, convert
+from np_drake.logs.importing.log_map import BODIES, Source, axes_of_word, convert
 
 ERRORS = {
     "ned": (("world", "ned"),),
@@ -78,6 +86,43 @@ def test_every_error_by_itself_is_named(sampled, conventions, error):
     verdict, named = checked(sampled, conventions, ERRORS[error])
     assert verdict.failed
     assert named[0], f"{as_text(verdict.changes)} for {error}"
+
+
+@pytest.mark.parametrize("body", BODIES[1:])
+def test_every_right_angle_between_attitude_and_gyro_is_named(sampled, conventions, body):
+    verdict, named = checked(sampled, conventions, (("attitude.body", body),))
+    assert verdict.failed
+    assert named[0], as_text(verdict.changes)
+    assert not verdict.rivals
+
+
+@pytest.mark.parametrize("share", [0.02, 1.0])
+def test_a_turn_is_named_however_little_moves_and_whatever_else_fails(sampled, conventions, share):
+    t, x = sampled
+    x = {name: x[name] for name in ("position", "velocity", "attitude", "rates")}
+    small = share * attitude.rotation_vector(x["attitude"])
+    x["attitude"], x["rates"] = attitude.from_rotation_vector(small), share * x["rates"]
+    x["velocity"] = x["velocity"][::-1]  # as of another flight
+    declared = conventions.plain_map()
+    own = changed(declared, (("attitude.body", "lbu"),))
+    verdict = check_conventions(t, conventions.columns_in(own, x), declared)
+    assert verdict.failed[0] == "attitude axes"
+    assert verdict.changes[0] == ("attitude.body", "lbu")
+
+
+def test_motion_capture_with_y_up_is_named_with_its_markers(sampled, conventions):
+    verdict, named = checked(sampled, conventions, (("world", "eus"), ("attitude.body", "fur")))
+    assert verdict.failed
+    assert named[0], as_text(verdict.changes)
+
+
+def test_the_refusal_tells_the_turn_and_the_line_that_mends_it(sampled, conventions):
+    t, x = sampled
+    declared = conventions.plain_map()
+    columns = conventions.columns_in(changed(declared, (("attitude.body", "lbu"),)), x)
+    verdict = check_conventions(t, columns, declared)
+    with pytest.raises(WrongConventions, match=r"fits attitude.body: lbu \(.*by 90 deg about z\)"):
+        agreed(verdict, {}, declared, "log.csv", adopt=False)
 
 
 ANGLES = Source([f"attitude{i}" for i in range(3)])
@@ -171,3 +216,20 @@ def test_a_drag_is_no_misfit_of_the_lift(fly):
     log = fly(LinearDrag(0.6, 0.6, 0.3), ConstantWind(3.0, -2.0, 0.0), seed=2, noise=1.0)
     found = misfits(log.t, {"velocity": log.v, "attitude": log.q})
     assert max(found["lift x"], found["lift y"]) < 0.1
+
+
+def test_a_flight_that_only_pitches_leaves_four_turns(sampled, conventions):
+    t, x = sampled
+    x = {name: x[name] for name in ("position", "attitude", "rates")}
+    angle = 0.3 * np.sin(2 * np.pi * 0.7 * t)
+    x["attitude"] = attitude.from_rotation_vector(angle[:, None] * [0.0, 1.0, 0.0])
+    x["rates"] = np.gradient(angle, t)[:, None] * [0.0, 1.0, 0.0]
+    declared = conventions.plain_map()
+    columns = conventions.columns_in(changed(declared, (("attitude.body", "lbu"),)), x)
+    verdict = check_conventions(t, columns, declared)
+    own = axes_of_word("lbu")[1]
+    fits = {fit[0][1] for fit in (verdict.changes, *verdict.rivals) if len(fit) == 1}
+    assert {word for word in BODIES if (axes_of_word(word)[1] == own).all()} <= fits
+    with pytest.raises(WrongConventions, match=r"; or .*; or .*; or ") as error:
+        agreed(verdict, {}, declared, "log.csv", adopt=True)
+    assert "--adopt" not in str(error.value)

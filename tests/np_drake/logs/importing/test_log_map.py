@@ -94,7 +94,10 @@ def maps(draw):
     )
     sources["thrust"] = Source(["f"], scale=-1.0)
     return LogMap(
-        world=draw(st.sampled_from(WORLDS)), body=draw(st.sampled_from(BODIES)), **sources
+        world=draw(st.sampled_from(WORLDS)),
+        body=draw(st.sampled_from(BODIES)),
+        board_turn=draw(st.sampled_from([0.0, 90.0, -45.0])),
+        **sources,
     ).check()
 
 
