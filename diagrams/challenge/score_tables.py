@@ -6,10 +6,9 @@ from operator import getitem
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from diagrams.batch.run import Table
-from np_drake.files.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, Figure, new_figure
 from np_drake.files.number_text import NOTHING
 
 QUALITIES = ("clean", "real", "wild")

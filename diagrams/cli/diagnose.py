@@ -10,9 +10,6 @@ from typer import Argument, Option
 
 from diagrams.batch.run import part_of, require
 from diagrams.cli.verb import LogMap, Report, Run, Table, progress, reports, say, tell
-from diagrams.gap import side_by_side
-from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, with_trial, write_corrected
-from diagrams.gap.drake_replay import DrakeReplay
 from diagrams.studies.options import tabulate
 from np_drake.diagnosis.diagnose import diagnose as five_steps
 from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport, examine
@@ -109,7 +106,10 @@ def diagnose(
     logs = fitted, judging, earlier = files.open(nominal)
     tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes))
     beside = files.open_neighbours(neighbour or (), logs)
-    require_flights(*logs)  # what is refused is so without a bar
+    require_flights(*logs)  # what is refused is so without a bar, and before Drake is loaded
+    from diagrams.gap.corrected import with_trial
+    from diagrams.gap.drake_replay import DrakeReplay
+
     with progress("diagnosing", 1.0) as advance:
         found = five_steps(
             nominal,
@@ -220,6 +220,8 @@ def _write_simulators(found: Diagnosis, vehicle: Vehicle, folder: Path) -> dict[
 
     Raises: OSError: if one cannot be written.
     """
+    from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, write_corrected
+
     links = {}
     for one, name, which in ((found, FILE, ""), (found.refit, SECOND, " of the second answer")):
         (folder / name).unlink(missing_ok=True)  # of an earlier diagnosis
@@ -243,6 +245,8 @@ def _write_overlay(
     """Write `replay.html` to a folder and return the text of its link; print where it is, or why
     there is none.
     """
+    from diagrams.gap import side_by_side
+
     path = folder / side_by_side.FILE
     path.unlink(missing_ok=True)  # of an earlier diagnosis
     if not held_out:

@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
 
 from np_drake.diagnosis.report.page import PLAIN_TICKS, legend
 from np_drake.diagnosis.report.words import (
@@ -26,7 +24,7 @@ from np_drake.diagnosis.report.words import (
 )
 from np_drake.diagnosis.result import Estimate
 from np_drake.files import page
-from np_drake.files.figure_file import PALETTE, new_figure
+from np_drake.files.figure_file import PALETTE, Figure, new_figure
 from np_drake.files.file_access import require_writable
 from np_drake.files.number_text import NOTHING, fixed, percent
 from np_drake.files.page import Section
@@ -387,6 +385,8 @@ def _flights(ax, told: FlightValues) -> None:
 
 def residual_figure(rows: Sequence[HeldOut]) -> Figure:
     """Return the RMS of held-out force and torque by axis, a mark a model and flight."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
     figure, grid = new_figure(1, 2, width=9.0, height=3.0)
     flights = list(dict.fromkeys(row.flight for row in rows))
     models = list(dict.fromkeys(row.model for row in rows))

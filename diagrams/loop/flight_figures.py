@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from np_drake.files.figure_file import DASHES, PALETTE, new_figure, new_mosaic
+from np_drake.files.figure_file import DASHES, PALETTE, Axes, Figure, new_figure, new_mosaic
 
 FlightResult = Any  # of diagrams.loop.flight_result, which draws these figures itself
 LEAST_EXTENT = 0.05  # of a track that is no hover [m]; half the window about a hover

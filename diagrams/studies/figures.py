@@ -5,9 +5,7 @@ from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
 
-from matplotlib.figure import Figure
-
-from np_drake.files.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, Figure, new_figure
 
 Curve = Any  # x and y, (n,) each
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import approx_fprime
+import scipy
 
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import Estimate, Layout, estimate, parameters
@@ -53,9 +53,11 @@ class Identification:
                 return float(np.log(value)) if q.positive else value
 
             zero = np.zeros_like(e.z)
-            here, gradient, before = of(e.z), approx_fprime(e.z, of, STEP), of(zero)
+            here, gradient, before = of(e.z), scipy.optimize.approx_fprime(e.z, of, STEP), of(zero)
             sd = float(np.sqrt(e.variance(gradient)))
-            prior = float(np.linalg.norm(_of_one_flight(approx_fprime(zero, of, STEP), layout)))
+            prior = float(
+                np.linalg.norm(_of_one_flight(scipy.optimize.approx_fprime(zero, of, STEP), layout))
+            )
             wide, known = SURE * sd, SURE * prior
             ends = (here - wide, here + wide, before - known, before + known)
             bounds = np.array([here, *ends])
