@@ -104,7 +104,6 @@ def diagnose(
     files = _choose_files(case, vehicle, train or [], held_out or [], before or [])
     nominal = _nominal_vehicle(files)
     logs = fitted, judging, earlier = files.open(nominal)
-    tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes))
     beside = files.open_neighbours(neighbour or (), logs)
     require_flights(*logs)  # what is refused is so without a bar, and before Drake is loaded
     from diagrams.gap.corrected import with_trial
@@ -154,6 +153,7 @@ def diagnose(
         metrics=content,
         lines=judgement(found),
         notes=notes(found),
+        warnings=words.warnings(found),
         write=write,
     )
 
@@ -207,11 +207,10 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
 
 
 def notes(diagnosis: Diagnosis) -> list[str]:
-    """Return the sensors that were assumed, and every warning once."""
+    """Return the sensors that were assumed."""
     named = {"rig": "real", "laboratory": "ideal"}
     sensors = named.get(diagnosis.judged_as, diagnosis.judged_as)
-    judged = [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
-    return [*judged, *(f"warning: {text}" for text in words.warnings(diagnosis))]
+    return [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
 
 
 def _write_simulators(found: Diagnosis, vehicle: Vehicle, folder: Path) -> dict[str, str]:

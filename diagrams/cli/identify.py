@@ -8,17 +8,7 @@ import numpy as np
 from typer import Argument, Option
 
 from diagrams.batch.run import FailedRun, require
-from diagrams.cli.verb import (
-    LogMap,
-    Report,
-    Run,
-    Table,
-    progress,
-    reports,
-    say,
-    tell,
-    write_metrics,
-)
+from diagrams.cli.verb import LogMap, Report, Run, Table, progress, reports, say, write_metrics
 from diagrams.identification.page import (
     agreement,
     change,
@@ -29,6 +19,7 @@ from diagrams.identification.page import (
     write_page,
 )
 from diagrams.studies.options import tabulate
+from np_drake.files.number_text import grouped
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
@@ -119,7 +110,9 @@ def identify(
         advance(FITTED, "judging")
         rows = errors_on(found, judging, parts)
         advance(1.0)
-    tell(*notes, *said, *found.notes)
+    warnings = grouped(
+        [*notes, *said, *found.notes], [log.name for flights in opened for log in flights]
+    )
     config: dict[str, Any] = {
         "logs": logs,
         "vehicle": prior.name,
@@ -138,11 +131,19 @@ def identify(
             save_vehicle(own, folder / FILE)
             say(f"vehicle file: {folder / FILE}")
         write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
-        say(f"page: {write_page(found, rows, folder, thirds=bool(parts))}")
+        say(f"page: {write_page(found, rows, folder, thirds=bool(parts), warnings=warnings)}")
 
     lines = [*summary(found), *filter(None, [change(rows)])]
     shown = [table for table in _tables(found, rows) if table[-1]]
-    return Report(shown, config=config, metrics=metrics, lines=lines, write=write, failure=failure)
+    return Report(
+        shown,
+        config=config,
+        metrics=metrics,
+        lines=lines,
+        warnings=warnings,
+        write=write,
+        failure=failure,
+    )
 
 
 def _vehicle(found: Identification, name: str) -> tuple[Vehicle | None, FailedRun | None]:
@@ -187,11 +188,8 @@ def _open_logs(
             f"{path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}",
         )
     opened = [found.flights for found in with_vehicle(read, vehicle)]
-    said: dict[str, list[str]] = {}
-    for log in (log for flights in opened for log in flights):
-        for note in log.notes:
-            said.setdefault(note, []).append(log.name)
-    return opened, [f"{', '.join(names)}: {note}" for note, names in said.items()]
+    every = [log for flights in opened for log in flights]
+    return opened, [f"{log.name}: {note}" for log in every for note in log.notes]
 
 
 def _split(

@@ -29,7 +29,7 @@ from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import training_flight
 from diagrams.studies.options import Neurobem, tabulate
 from np_drake.files.figure_file import new_figure, save
-from np_drake.files.number_text import number
+from np_drake.files.number_text import grouped, number
 from np_drake.lifting.model.lifted_model import (
     BY_AXES,
     FAMILIES,
@@ -207,6 +207,7 @@ def train(
         metrics={"loss": loss, "wall": wall, "summary": summary},
         lines=[f"excitation: {summary['excitation']}", *lines],
         notes=notes,
+        warnings=noted(flights),
     )
 
 
@@ -247,6 +248,7 @@ def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float)
         config={"configuration": PAYLOAD_FILTER, "step": step},
         metrics={"wall": wall, "summary": model.summary},
         notes=[f"model: {out}"],
+        warnings=noted(flights),
     )
 
 
@@ -281,8 +283,7 @@ def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
 
 
 def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
-    """Open and check every file, and print what a reader derived; a scenario file is flown,
-    once every other file is open.
+    """Open and check every file; a scenario file is flown, once every other file is open.
 
     Without a vehicle file, NeuroBEM files have the published one, flight logs the paper's.
     Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad
@@ -306,7 +307,6 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
             own = vehicle or log.vehicle or Vehicle()
             for data in map(require_torque, log.flights):
                 flights.append(Flight(with_accelerations(data), own))
-                tell(*(f"{data.name}: {note}" for note in flights[-1].data.notes))
         elif isinstance(found, WrenchSequence):
             flights.append(Flight(found, vehicle or published_vehicle()))
         else:
@@ -318,6 +318,13 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
         say(f"vehicle: {'; '.join(used)}, as no --vehicle was given.")
     require_one_frame(flights)
     return flights
+
+
+def noted(flights: Sequence[Flight]) -> list[str]:
+    """Return what readers derived or repaired."""
+    data = [flight.data for flight in flights]
+    lines = [f"{log.name}: {note}" for log in data for note in log.notes]
+    return grouped(lines, [log.name for log in data])
 
 
 def require_one_frame(flights: list[Flight]) -> None:
@@ -392,6 +399,7 @@ def evaluate(
         config=settings,
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
         notes=unfiltered,
+        warnings=noted([*training, *tests]),
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
         if lost
         else None,

@@ -220,6 +220,8 @@ def _show(report: Report, out: Path | None) -> None:
         print_table(*table)
     tell(*report.summary)
     tell(*report.notes)
+    if report.warnings:
+        print_table("warnings", ["warning"], [(text,) for text in report.warnings])
     if out is None:
         return
     for name, draw in report.figures.items():

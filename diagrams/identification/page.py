@@ -38,7 +38,12 @@ VEHICLE = "vehicle.yaml"
 
 
 def write_page(
-    found: Identification, rows: list[HeldOut], folder: Path, *, thirds: bool = False
+    found: Identification,
+    rows: list[HeldOut],
+    folder: Path,
+    *,
+    thirds: bool = False,
+    warnings: Sequence[str] = (),
 ) -> Path:
     """Write `identification.html` and its figures to a folder, and return the path of the page.
 
@@ -53,7 +58,9 @@ def write_page(
         "agreement": agreement_figure(found, each) if each else None,
         "residuals": residual_figure(rows) if rows else None,
     }
-    sections = [Section(TEMPLATE, content(found, rows, each) | {"thirds": thirds})]
+    sections = [
+        Section(TEMPLATE, content(found, rows, each) | {"thirds": thirds, "warnings": warnings})
+    ]
     return page.write_page(
         folder / PAGE, f"Identification · {found.prior.name}", sections, pictures
     )
@@ -114,7 +121,6 @@ def content(
             ("mass", _mass(found)),
             ("np_drake", version("np_drake")),
         ],
-        "notes": list(found.notes),
     }
 
 
@@ -184,7 +190,7 @@ def shown_in(q: Identified) -> tuple[float, str]:
     if unit in SHOWN:
         return SHOWN[unit]
     power = math.floor(math.log10(largest)) if largest > 0 else 0
-    if (unit == "kg·m²" and -3 <= power <= -2) or (unit not in UNITS and power < -2):
+    if unit not in UNITS and power < -2:
         return 10.0**-power, f"× 10{str(power).translate(RAISED)} {unit}"
     return suited(largest, unit)
 

@@ -59,6 +59,14 @@ def test_lines_stand_above_the_table_and_notes_below(tmp_path, capsys):
     assert page.read_text() == expected
 
 
+def test_warnings_stand_once_behind_all_else(tmp_path, capsys):
+    app, _ = made(lambda run: {"lines": ["above"], "notes": ["last"], "warnings": ["dull", "late"]})
+    assert call(app) == 0
+    said = capsys.readouterr().out
+    assert said.endswith("last\nwarnings\n- dull\n- late\n\n")
+    assert said.count("dull") == 1
+
+
 @pytest.mark.parametrize("option", ["--json", "--markdown", "--out"])
 def test_a_file_that_cannot_be_written_is_refused_before_the_body_runs(option, tmp_path, capsys):
     app, seen = made()

@@ -14,6 +14,7 @@ from diagrams.identification.page import (
     summary,
     write_page,
 )
+from np_drake.files.number_text import NBSP
 from np_drake.identification.estimation import Agreement
 from np_drake.identification.flight_agreement import flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
@@ -97,7 +98,11 @@ def test_the_ends_of_the_prior_lie_at_one_and_minus_one(found):
 
 
 def test_numbers_are_in_units_that_suit_the_vehicle(found):
-    assert interval(found["inertia xx"])[0].endswith("g·cm²")
+    for name in ("inertia xx", "inertia zz", "inertia xy", "inertia of a rotor"):
+        for times in (1.0, 1e4):  # one unit, from the smallest vehicle to the largest
+            q = found[name]
+            scaled = {key: times * getattr(q, key) for key in ("value", "low", "high")}
+            assert interval(dc.replace(q, **scaled))[0].endswith(f"{NBSP}kg·cm²")
     assert interval(found["centre of mass x"])[0].endswith("mm")
     k = found["thrust coefficient"]
     assert interval(k)[0].endswith("× 10⁻⁸ N/(rad/s)²")
