@@ -325,8 +325,8 @@ def interval_figure(found: Identification) -> Figure:
             zorder=3,
         )
         told, both = interval(q)
-        ax.text(REACH + 0.12, place, f"{told}   ({both})", va="center", fontsize=8)
-    ax.set_yticks(range(len(shown)), [q.name for q in shown], fontsize=8.5)
+        ax.text(REACH + 0.12, place, f"{told}   ({both})", va="center")
+    ax.set_yticks(range(len(shown)), [q.name for q in shown])
     ax.set(xlim=(-REACH, REACH), ylim=(len(shown) - 0.4, -0.6), xticks=[-2, -1, 0, 1, 2])
     ax.set_xlabel(
         "place in the prior: 0 its middle, ±1 its 95 % (of logarithms where a quantity is positive)"
@@ -355,9 +355,7 @@ def agreement_figure(found: Identification, each: Sequence[FlightValues]) -> Fig
             ax.set_visible(False)
             continue
         _flights(ax, each[place])
-        ax.set_xticks(
-            range(count), [str(i + 1) if count <= 15 else "" for i in range(count)], fontsize=8
-        )
+        ax.set_xticks(range(count), [str(i + 1) if count <= 15 else "" for i in range(count)])
         ax.set_xlim(-0.6, count - 0.4)
         if place >= len(each) - ACROSS:
             ax.set_xlabel("flight, in the order given")
@@ -381,10 +379,9 @@ def _flights(ax, told: FlightValues) -> None:
             ax.plot(i, factor * told.value[i], mark, markersize=5, color=colour, label=label)
     p = "" if math.isnan(q.p) else f"p {q.p:.2g}" if q.p >= 0.001 else "p < 0.001"
     weight = "bold" if told.differ else "normal"
-    ax.set_title(q.name, loc="left", fontsize=9, fontweight=weight)
-    ax.set_title(p, loc="right", fontsize=8.5, fontweight=weight)
-    ax.set_ylabel(f"[{shown or '1'}]", fontsize=8)
-    ax.tick_params(labelsize=8)
+    ax.set_title(q.name, loc="left", fontsize=10, fontweight=weight)
+    ax.set_title(p, loc="right", fontsize=10, fontweight=weight)
+    ax.set_ylabel(f"[{shown or '1'}]")
     ax.ticklabel_format(axis="y", useOffset=False)
     _tidy(ax, "y")
 

@@ -41,6 +41,6 @@ def panel_figure(
             (handles[name],) = ax.plot(*curve, marker=marker, markersize=3.5, lw=1.2, **style)
         ax.set(**panel.axes)
         ax.grid(alpha=0.3)
-    figure.suptitle(title, fontsize=9)
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, fontsize=8)
+    figure.suptitle(title, fontsize=10)
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4)
     return figure

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from diagrams.identification.page import (
+    agreement_figure,
     half_width,
     headline,
     interval,
+    interval_figure,
     place_in_prior,
+    residual_figure,
     summary,
     write_page,
 )
@@ -70,6 +73,21 @@ def test_the_page_begins_with_the_answer_and_needs_no_network(folder, found):
     for quantity in found.quantities:
         assert f"<b>{quantity.name}</b>" in page
         assert interval(quantity)[1] in page
+
+
+def test_every_number_of_the_figures_can_be_read(found, rows, smallest_text):
+    drawn = (
+        interval_figure(found),
+        agreement_figure(found, flight_values(found)),
+        residual_figure(rows),
+    )
+    assert all(smallest_text(figure) >= 9.0 for figure in drawn)  # [px]
+
+
+def test_warnings_stand_once_and_at_the_end(found, rows, tmp_path):
+    text = write_page(found, rows, tmp_path, warnings=["a, b: late"]).read_text()
+    assert text.count("a, b: late") == 1
+    assert text.index("a, b: late") > text.index("<h2>Made from</h2>")
 
 
 def test_the_flight_that_differs_is_named(found, tmp_path):
