@@ -417,9 +417,12 @@ def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], lis
 
 
 def warnings(diagnosis: Diagnosis) -> list[str]:
-    """Return every warning once; what holds of several flights names them in one line."""
+    """Return every warning once, but for what is said before the answer; what holds of several
+    flights names them in one line.
+    """
     every = (*diagnosis.identifiability.warnings, *diagnosis.warnings)
-    return grouped(every, diagnosis.train + diagnosis.held_out)
+    lines = grouped(every, diagnosis.train + diagnosis.held_out)
+    return [line for line in lines if line.rstrip(".") not in diagnosis.doubts]
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
