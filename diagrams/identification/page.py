@@ -12,7 +12,6 @@ import numpy as np
 
 from np_drake.diagnosis.report.page import PLAIN_TICKS, legend
 from np_drake.diagnosis.report.words import (
-    UNITS,
     capital,
     estimate,
     flights,
@@ -26,7 +25,7 @@ from np_drake.diagnosis.result import Estimate
 from np_drake.files import page
 from np_drake.files.figure_file import PALETTE, Figure, new_figure
 from np_drake.files.file_access import require_writable
-from np_drake.files.number_text import NOTHING, fixed, percent
+from np_drake.files.number_text import NOTHING, UNITS, fixed, percent
 from np_drake.files.page import Section
 from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification

@@ -27,6 +27,7 @@ from np_drake import attitude
 from np_drake.files.file_access import write_text
 from np_drake.rigid_body import P, Q
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import scales
 
 DARK, GREY = Rgba(0.45, 0.47, 0.5), Rgba(0.6, 0.6, 0.6)  # seen on a light and a dark ground
 BLUE, RED, GREEN, PINK = (  # Okabe and Ito's, for colour-blind readers
@@ -36,9 +37,7 @@ BLUE, RED, GREEN, PINK = (  # Okabe and Ito's, for colour-blind readers
     Rgba(0.8, 0.47, 0.65),
 )
 FROM = np.array([0.3, -0.85, 0.4])  # direction from what is seen to the camera [1]
-NEAR = (
-    11.0  # from a vehicle that is followed, over its arm: a sixth of the window is the vehicle [1]
-)
+NEAR = 8.0  # from a vehicle that is followed to the camera, over its arm; own choice [1]
 SIDES = 4  # of the tube that is a trail
 SHORTEST = 1e-3  # of an arrow, since three.js cannot invert a scale of 0 [m]
 FRAME_RATE = 25.0  # of a film [1/s]
@@ -68,11 +67,6 @@ def new_scene() -> Meshcat:
     return meshcat
 
 
-def arm_length(vehicle: Vehicle) -> float:
-    """Return the mean distance of the rotors from Bo [m]."""
-    return float(np.linalg.norm(vehicle.rotor_positions, axis=1).mean())
-
-
 def add_quadrotor(
     meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor", overlay: Rgba | None = None
 ) -> None:
@@ -82,7 +76,7 @@ def add_quadrotor(
         overlay: one colour, with its transparency, of all parts; None: solid, the front pair of
             rotors coloured.
     """
-    size = arm_length(vehicle)
+    size = scales(vehicle).length
     meshcat.SetObject(f"{path}/body", Box(0.5 * size, 0.5 * size, 0.2 * size), overlay or DARK)
     for i, p in enumerate(vehicle.rotor_positions):
         arm = np.array(p, float)
@@ -186,7 +180,7 @@ def flight_scene(config: FlightConfig, track: np.ndarray, *, force: str, payload
     Args:
         track: (n, 3) points of the reference in W [m].
     """
-    meshcat, size = new_scene(), arm_length(config.vehicle)
+    meshcat, size = new_scene(), scales(config.vehicle).length
     add_quadrotor(meshcat, config.vehicle)
     add_arrow(meshcat, "thrust", 0.04 * size, DARK)
     add_arrow(meshcat, force, 0.07 * size, PINK)
@@ -321,7 +315,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     Raises: OSError: if it cannot be written.
     """
     film, s, config, hung = Film(), flight.signals, flight.config, flight.payload_position
-    rows, size, x, reality = frames(s["t"]), arm_length(config.vehicle), s["x_true"], config.reality
+    rows, size = frames(s["t"]), scales(config.vehicle).length
+    x, reality = s["x_true"], config.reality
     meshcat = flight_scene(
         config, s["p_ref"][flight.scored], force="force", payload=hung is not None
     )
@@ -374,7 +369,7 @@ def _arrows(flight: FlightResult) -> tuple[np.ndarray, np.ndarray, float]:
     is drawn [1].
     """
     s, vehicle = flight.signals, flight.config.vehicle
-    scale = _THRUST * arm_length(vehicle) / (vehicle.mass * vehicle.gravity)  # [m/N]
+    scale = _THRUST * scales(vehicle).length / (vehicle.mass * vehicle.gravity)  # [m/N]
     thrust = s["rotor_thrust"].sum(axis=1, keepdims=True) * attitude.body_z(s["x_true"][:, 3:7])
     chi = next(
         c for c in (flight.chi_foreseen, flight.wrench_label, flight.chi_true) if c is not None

@@ -54,7 +54,7 @@ def grouped(lines: Iterable[str], names: Container[str]) -> list[str]:
     for line in lines:
         name, _, text = line.partition(": ")
         told = text if name in names else line
-        of, texts = alike.setdefault(_NUMBER.sub("#", told), ({}, {}))
+        of, texts = alike.setdefault(_NUMBER.sub("\0", told), ({}, {}))
         of |= {name: None} if name in names else {}
         texts[told] = None
     found = []

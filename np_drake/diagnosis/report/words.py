@@ -34,7 +34,6 @@ from np_drake.files.number_text import (
     suited,
     with_unit,
 )
-from np_drake.files.number_text import UNITS as UNITS
 
 
 def name_of(identifier: str) -> str:
