@@ -17,7 +17,7 @@ else:
 
 # Okabe and Ito's palette: distinguishable for colour-blind readers and, with the dashes, in grey
 # print.
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#000000", "#E69F00", "#56B4E9", "#CC79A7")
 DASHES = (
     "-",
     "--",

@@ -60,8 +60,9 @@ def grouped(lines: Iterable[str], names: Container[str]) -> list[str]:
     found = []
     for of, texts in alike.values():
         each = zip(*map(_NUMBER.findall, texts), strict=True)
-        values = iter([" / ".join(dict.fromkeys(numbers)) for numbers in each])
-        text = _NUMBER.sub(lambda _, values=values: next(values), next(iter(texts)))
+        values = [*(" / ".join(dict.fromkeys(numbers)) for numbers in each), ""]
+        parts = zip(_NUMBER.split(next(iter(texts))), values, strict=True)
+        text = "".join(part + value for part, value in parts)
         found.append(f"{', '.join(of)}: {text}" if of else text)
     return found
 
