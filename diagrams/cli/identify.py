@@ -8,7 +8,17 @@ import numpy as np
 from typer import Argument, Option
 
 from diagrams.batch.run import FailedRun, require
-from diagrams.cli.verb import LogMap, Report, Run, Table, progress, reports, say, write_metrics
+from diagrams.cli.verb import (
+    LogMap,
+    Report,
+    Run,
+    Table,
+    noted,
+    progress,
+    reports,
+    say,
+    write_metrics,
+)
 from diagrams.identification.page import (
     agreement,
     change,
@@ -19,7 +29,6 @@ from diagrams.identification.page import (
     write_page,
 )
 from diagrams.studies.options import tabulate
-from np_drake.files.number_text import grouped
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
@@ -94,7 +103,7 @@ def identify(
             )
         common_drive([], input)  # refuses what is no input before logs are read
         prior, mass = _prior_of(vehicle, mass, trust)
-        opened, notes = _open_logs([*logs, *judges], prior, log_map, advance)
+        opened = _open_logs([*logs, *judges], prior, log_map, advance)
         judging = [log for found in opened[len(logs) :] for log in found]
         drive = common_drive([log for found in opened for log in found], input)
         require(
@@ -110,9 +119,7 @@ def identify(
         advance(FITTED, "judging")
         rows = errors_on(found, judging, parts)
         advance(1.0)
-    warnings = grouped(
-        [*notes, *said, *found.notes], [log.name for flights in opened for log in flights]
-    )
+    warnings = noted([log for flights in opened for log in flights], [*said, *found.notes])
     config: dict[str, Any] = {
         "logs": logs,
         "vehicle": prior.name,
@@ -170,9 +177,8 @@ def _prior_of(vehicle: Path, mass: float | None, trust: str) -> tuple[Vehicle, f
 
 def _open_logs(
     paths: list[Path], vehicle: Vehicle, log_map: Path | None, advance: Any
-) -> tuple[list[list[FlightLog]], list[str]]:
-    """Return the flights of each log, with rotors in the order of the vehicle, and what readers
-    derived.
+) -> list[list[FlightLog]]:
+    """Return the flights of each log, with rotors in the order of the vehicle.
 
     Raises: ValueError: where the rotors of a log do not turn, with what would tell the vehicle.
     """
@@ -187,9 +193,7 @@ def _open_logs(
             any(values is None or (values > 0).any() for values in inputs),
             f"{path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}",
         )
-    opened = [found.flights for found in with_vehicle(read, vehicle)]
-    every = [log for flights in opened for log in flights]
-    return opened, [f"{log.name}: {note}" for log in every for note in log.notes]
+    return [found.flights for found in with_vehicle(read, vehicle)]
 
 
 def _split(

@@ -19,6 +19,7 @@ from diagrams.cli.verb import (
     Run,
     Table,
     VehicleFile,
+    noted,
     progress,
     reports,
     require_outputs,
@@ -29,7 +30,7 @@ from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import training_flight
 from diagrams.studies.options import Neurobem, tabulate
 from np_drake.files.figure_file import new_figure, save
-from np_drake.files.number_text import grouped, number
+from np_drake.files.number_text import number
 from np_drake.lifting.model.lifted_model import (
     BY_AXES,
     FAMILIES,
@@ -207,7 +208,7 @@ def train(
         metrics={"loss": loss, "wall": wall, "summary": summary},
         lines=[f"excitation: {summary['excitation']}", *lines],
         notes=notes,
-        warnings=noted(flights),
+        warnings=noted([flight.data for flight in flights]),
     )
 
 
@@ -248,7 +249,7 @@ def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float)
         config={"configuration": PAYLOAD_FILTER, "step": step},
         metrics={"wall": wall, "summary": model.summary},
         notes=[f"model: {out}"],
-        warnings=noted(flights),
+        warnings=noted([flight.data for flight in flights]),
     )
 
 
@@ -318,13 +319,6 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
         say(f"vehicle: {'; '.join(used)}, as no --vehicle was given.")
     require_one_frame(flights)
     return flights
-
-
-def noted(flights: Sequence[Flight]) -> list[str]:
-    """Return what readers derived or repaired."""
-    data = [flight.data for flight in flights]
-    lines = [f"{log.name}: {note}" for log in data for note in log.notes]
-    return grouped(lines, [log.name for log in data])
 
 
 def require_one_frame(flights: list[Flight]) -> None:
@@ -399,7 +393,7 @@ def evaluate(
         config=settings,
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
         notes=unfiltered,
-        warnings=noted([*training, *tests]),
+        warnings=noted([flight.data for flight in (*training, *tests)]),
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
         if lost
         else None,

@@ -46,7 +46,7 @@ from np_drake.files.file_access import (
     write_text,
 )
 from np_drake.files.interruption import end_in_order
-from np_drake.files.number_text import NBSP, NOTHING, number
+from np_drake.files.number_text import NBSP, NOTHING, grouped, number
 
 HELP = {"help_option_names": ["-h", "--help"]}
 WIDTH = 100  # columns of a line: at most, and where no terminal tells
@@ -229,6 +229,12 @@ def _show(report: Report, out: Path | None) -> None:
         say(f"figure: {out / name}")
     if report.write is not None:
         report.write(make_folder(out))
+
+
+def noted(logs: Sequence[Any], also: Sequence[str] = ()) -> list[str]:
+    """Return what readers derived or repaired in logs, and further lines, each once."""
+    lines = [f"{log.name}: {note}" for log in logs for note in log.notes]
+    return grouped([*lines, *also], [log.name for log in logs])
 
 
 def console(*, stderr: bool = False) -> Console:

@@ -1,6 +1,7 @@
 """Laws of the runner of the verbs."""
 
 import json
+from types import SimpleNamespace
 from typing import Annotated
 
 import pytest
@@ -10,7 +11,7 @@ from diagrams.batch.run import FailedRun
 from diagrams.cli import verb as output
 from diagrams.cli.app import run_app
 from diagrams.cli.main import run
-from diagrams.cli.verb import Report, Run, reports
+from diagrams.cli.verb import Report, Run, noted, reports
 from np_drake.files.file_access import lock_outputs, write_text
 
 TABLE = ("a title", ["what", "value"], [("one | two", 1.23456)])
@@ -65,6 +66,11 @@ def test_warnings_stand_once_behind_all_else(tmp_path, capsys):
     said = capsys.readouterr().out
     assert said.endswith("last\nwarnings\n- dull\n- late\n\n")
     assert said.count("dull") == 1
+
+
+def test_what_readers_say_of_several_logs_is_one_line():
+    logs = [SimpleNamespace(name=name, notes=["no velocity"]) for name in ("a", "b")]
+    assert noted(logs, ["b: left out"]) == ["a, b: no velocity", "b: left out"]
 
 
 @pytest.mark.parametrize("option", ["--json", "--markdown", "--out"])
