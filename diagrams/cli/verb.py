@@ -148,7 +148,7 @@ def reports(
     def decorate(body: Callable[..., Report]) -> Callable[..., None]:
         @functools.wraps(body)
         def verb(**given: Any) -> None:
-            end_in_order()  # all modules of the verb are loaded
+            end_in_order()  # what is loaded from here on is given up like any work
             asked = {name: given.pop(name) for name in shared}
             out_folder = asked.get("out")
             pages = {n: asked[n] for n in ("json", "markdown") if asked.get(n) is not None}

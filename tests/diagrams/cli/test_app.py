@@ -229,16 +229,23 @@ class Sender:
             sys.meta_path.remove(self)
             os.kill(os.getpid(), signal.{name})
 sys.meta_path.insert(0, Sender())
-sys.argv[1:] = ["vehicle", "show", "paper"]
+sys.argv[1:] = {words!r}
 from diagrams.cli.main import main
 main()
 """
 
 
-@pytest.mark.parametrize("name, module", [("SIGTERM", "rich.progress"), ("SIGINT", "pydrake")])
-def test_a_signal_while_modules_are_imported_is_one_line(name, module):
+@pytest.mark.parametrize(
+    "name, module, words",
+    [
+        ("SIGTERM", "rich.progress", "vehicle list"),
+        ("SIGINT", "pydrake", "vehicle show paper"),
+        ("SIGINT", "torch", "train --envelope 1 --out never.safetensors"),
+    ],
+)
+def test_a_signal_while_modules_are_imported_is_one_line(name, module, words):
     code, line = SIGNALS[name]
-    program = SENDS.format(name=name, module=module)
+    program = SENDS.format(name=name, module=module, words=words.split())
     dut = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert dut.returncode == code
     assert dut.stderr.endswith(f": {line}\n")
