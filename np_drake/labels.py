@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from np_drake import rigid_body
 from np_drake.checks import require
@@ -73,7 +73,7 @@ class LabelConfig:
             f"LabelConfig: bandwidth must lie below half the sampling rate, {nyquist:.3g} Hz; "
             f"got {bandwidth:.3g} Hz.",
         )
-        return signal.butter(self.order, bandwidth / nyquist, output="sos")
+        return scipy.signal.butter(self.order, bandwidth / nyquist, output="sos")
 
 
 @runtime_checkable
@@ -151,7 +151,7 @@ class LabelFilter:
         state, chi = memory["state"].copy(), np.empty(6)
         for channels, sos in self._filters:
             if not memory["started"][0]:
-                state[:, :, channels] = signal.sosfilt_zi(sos)[:, :, None] * raw[channels]
+                state[:, :, channels] = scipy.signal.sosfilt_zi(sos)[:, :, None] * raw[channels]
             _filter_once(sos, raw[channels], state[:, :, channels], chi[channels])
         return {"started": np.ones(1), "rotor": rotor, "state": state}, chi
 
@@ -206,8 +206,8 @@ def labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) 
     """
 
     def forward(sos: np.ndarray, raw: np.ndarray, good: np.ndarray) -> np.ndarray:
-        start = signal.sosfilt_zi(sos)[:, :, None] * raw[good][0]  # at rest at the first row
-        return signal.sosfilt(sos, raw[good], axis=0, zi=start)[0]
+        start = scipy.signal.sosfilt_zi(sos)[:, :, None] * raw[good][0]  # at rest at the first row
+        return scipy.signal.sosfilt(sos, raw[good], axis=0, zi=start)[0]
 
     return _filtered(log, vehicle, config, forward)
 
@@ -227,7 +227,7 @@ def smooth_labels(
             [np.interp(log.t, log.t[good], column[good]) for column in raw.T], axis=1
         )
         padding = min(len(bridged) - 1, 3 * (2 * len(sos) + 1))
-        return signal.sosfiltfilt(sos, bridged, axis=0, padlen=padding)[good]
+        return scipy.signal.sosfiltfilt(sos, bridged, axis=0, padlen=padding)[good]
 
     return _filtered(log, vehicle, config, both_ways)
 

@@ -1,7 +1,7 @@
 """Metrics of a flight: tracking errors, prediction errors, solve times, a payload's swing."""
 
 import numpy as np
-from scipy.stats import t as student
+import scipy
 
 
 def tracking_errors(p: np.ndarray, p_ref: np.ndarray) -> dict[str, float]:
@@ -111,4 +111,4 @@ def half_width(values: np.ndarray) -> float:
     n = len(values)
     if n < 2 or not np.isfinite(values).all():
         return float("nan")
-    return float(student.ppf(0.975, n - 1) * np.std(values, ddof=1) / np.sqrt(n))
+    return float(scipy.stats.t.ppf(0.975, n - 1) * np.std(values, ddof=1) / np.sqrt(n))

@@ -5,7 +5,7 @@ file's lag.
 import dataclasses as dc
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle.vehicle import Vehicle
@@ -43,7 +43,7 @@ def acting_command(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
     if not good.any():
         return acting
     target = rotor_speed(vehicle, log.u[good])
-    speed, _ = signal.lfilter([1 - decay], [1, -decay], target, axis=0, zi=decay * target[:1])
+    speed, _ = scipy.signal.lfilter([1 - decay], [1, -decay], target, axis=0, zi=decay * target[:1])
     acting[1:][good[:-1]] = rotor_wrench(vehicle, speed)
     if np.all(np.isfinite(log.u[0])):
         acting[0] = log.u[0]

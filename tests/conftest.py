@@ -92,6 +92,22 @@ def real_flights() -> Path:
     return folder
 
 
+COLUMN = 864.0  # width of a figure on a page of 1200 px, less margins (page.css) [px]
+
+
+@pytest.fixture(scope="session")
+def smallest_text():
+    """Return a function of a figure: size of its smallest text on a page [px]."""
+    from matplotlib.text import Text
+
+    def smallest(figure) -> float:
+        figure.draw_without_rendering()  # makes the numbers at the ticks
+        sizes = [t.get_fontsize() for t in figure.findobj(Text) if t.get_text().strip()]
+        return min(sizes) * COLUMN / (72 * figure.get_figwidth())
+
+    return smallest
+
+
 class RealFlightsRan:
     """Counts the tests on real flights (in the controlling process, also under xdist)."""
 

@@ -358,6 +358,7 @@ class Report:
     lines: Sequence[str] = ()  # printed above the tables
     summary: Sequence[str] = ()  # printed below the tables, and in the Markdown file
     notes: Sequence[str] = ()  # printed below the tables only
+    warnings: Sequence[str] = ()  # printed behind all of these, as a list
     figures: Mapping[str, Callable[[], Any]] = dc.field(
         default_factory=dict
     )  # by file name in --out

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import expit
+import scipy
 
 from np_drake.diagnosis.regressors import library_candidates
 from np_drake.diagnosis.residuals import FlightResiduals
@@ -136,4 +136,4 @@ def select_by_bic(y: np.ndarray, columns: Sequence[Columns]) -> dict[str, float]
         c, bic, own = min(fits, key=lambda found: found[1])
         chosen.append(own)
     without = {own[0]: fit(y, [o for o in chosen if o is not own])[1] for own in chosen}
-    return {name: float(expit((other - bic) / 2)) for name, other in without.items()}
+    return {name: float(scipy.special.expit((other - bic) / 2)) for name, other in without.items()}

@@ -9,9 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import linear_sum_assignment
-from scipy.special import expit
-from scipy.stats import binomtest
+import scipy
 
 from diagrams.challenge.answered_case import AnsweredCase
 from diagrams.challenge.draw import CLEAN, OUT_OF_LIBRARY
@@ -39,7 +37,7 @@ def share(outcomes: Iterable[bool]) -> dict[str, Any]:
     k, n = sum(values), len(values)
     if not n:
         return {"count": 0, "n": 0, "rate": None, "ci95": [0.0, 1.0]}
-    interval = binomtest(k, n).proportion_ci()
+    interval = scipy.stats.binomtest(k, n).proportion_ci()
     return {"count": k, "n": n, "rate": k / n, "ci95": [float(interval.low), float(interval.high)]}
 
 
@@ -137,7 +135,7 @@ def matches(case: AnsweredCase) -> dict[int, str]:
             for i, true in enumerate(case.true_names)
         ]
     )
-    pairs = zip(*linear_sum_assignment(worth, maximize=True), strict=True)
+    pairs = zip(*scipy.optimize.linear_sum_assignment(worth, maximize=True), strict=True)
     return {int(i): named[j] for i, j in pairs if worth[i, j] > 0}
 
 
@@ -455,7 +453,7 @@ def logistic(visibility: np.ndarray, found: np.ndarray, steps: int = 60) -> tupl
     design = np.stack([np.ones_like(x), x], axis=1)
     penalty, theta = PRIOR * np.eye(2), np.zeros(2)
     for _ in range(steps):
-        p = expit(design @ theta)
+        p = scipy.special.expit(design @ theta)
         gradient = design.T @ (found - p) - penalty @ theta
         curvature = (design * (p * (1 - p))[:, None]).T @ design + penalty
         step = np.linalg.solve(curvature, gradient)

@@ -6,10 +6,9 @@ from operator import getitem
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from diagrams.batch.run import Table
-from np_drake.files.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, Figure, new_figure
 from np_drake.files.number_text import NOTHING
 
 QUALITIES = ("clean", "real", "wild")
@@ -251,5 +250,5 @@ def calibration_figure(series: Mapping[str, Sequence[Mapping[str, Any]]]) -> Fig
         ax.errorbar(x, y, bounds, markersize=5, capsize=3, linewidth=1, label=label, **style)
     ax.set(xlim=(-0.02, 1.03), ylim=(-0.04, 1.04), ylabel="share that is true, 95 % interval [1]")
     ax.set(xlabel="reported probability of a name [1]")
-    figure.legend(loc="outside lower center", ncols=2, fontsize=8)
+    figure.legend(loc="outside lower center", ncols=2)
     return figure

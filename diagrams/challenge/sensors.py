@@ -3,7 +3,7 @@
 import dataclasses as dc
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from np_drake import attitude
 from np_drake.effects.base import Effect
@@ -107,7 +107,7 @@ def gauss_markov(
     decay = np.exp(-float(np.median(np.diff(t))) / tau)
     white = rng.normal(size=(len(t), channels))
     white[1:] *= np.sqrt(1 - decay**2)
-    return rms * signal.lfilter([1.0], [1.0, -decay], white, axis=0)
+    return rms * scipy.signal.lfilter([1.0], [1.0, -decay], white, axis=0)
 
 
 def flicker(rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float) -> np.ndarray:

@@ -28,21 +28,21 @@ REPORT = (
     "traceback"
 )
 
-VERBS = {  # verb: module of diagrams.cli and name there, which are loaded on use
-    "demo": ("demo", "demo"),
-    "fly": ("fly", "fly"),
-    "node": ("fly", "node"),
-    "train": ("train", "train"),
-    "evaluate": ("train", "evaluate"),
-    "import": ("import_logs", "import_logs"),
-    "doctor": ("diagnose", "doctor"),
-    "identify": ("identify", "identify"),
-    "diagnose": ("diagnose", "diagnose"),
-    "reproduce": ("reproduce", "reproduce"),
-    "vehicle": ("vehicle", "vehicle"),
-    "export": ("vehicle", "export"),
-    "bench": ("reproduce", "bench"),
-    "challenge": ("challenge", "challenge"),
+VERBS = {  # verb: module of diagrams.cli, name there, summary; modules are loaded on use
+    "demo": ("demo", "demo", "Fly, learn, fly again, diagnose, correct the simulator: one page."),
+    "fly": ("fly", "fly", "Simulate an experiment with one controller, or with several."),
+    "node": ("fly", "node", "Fly a vehicle through its autopilot, by MAVLink."),
+    "train": ("train", "train", "Train a predictor from flight logs."),
+    "evaluate": ("train", "evaluate", "Score predictors on flights."),
+    "import": ("import_logs", "import_logs", "Import flight logs of other formats."),
+    "doctor": ("diagnose", "doctor", "Is a flight log usable, and what can it tell?"),
+    "identify": ("identify", "identify", "Identify a vehicle from its flights: a vehicle file."),
+    "diagnose": ("diagnose", "diagnose", "What a simulator lacks, from flight logs: a report."),
+    "reproduce": ("reproduce", "reproduce", "Make a table of the paper or of the docs anew."),
+    "vehicle": ("vehicle", "vehicle", "Vehicle files: new, list, show."),
+    "export": ("vehicle", "export", "Write a vehicle as SDF (Gazebo, Drake) or MJCF (MuJoCo)."),
+    "bench": ("reproduce", "bench", "Compare speeds, measured in one run."),
+    "challenge": ("challenge", "challenge", "Withheld-effect challenge sets: make, solve, score."),
 }
 GROUPS = ("reproduce", "vehicle", "challenge")  # behind whose name another stands
 
@@ -54,11 +54,16 @@ class _Lazy(TyperGroup):
         """Return the names of the verbs."""
         return list(VERBS)
 
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the summary of every verb."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(verb, summary) for verb, (_, _, summary) in VERBS.items()])
+
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return the command of a verb; None where there is none."""
         if cmd_name not in VERBS:
             return None
-        module, name = VERBS[cmd_name]
+        module, name, _ = VERBS[cmd_name]
         verb = getattr(import_module(f"diagrams.cli.{module}"), name)
         if not isinstance(verb, typer.Typer):
             body, verb = verb, Verbs(add_completion=False)

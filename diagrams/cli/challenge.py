@@ -131,7 +131,7 @@ def _score(
         config={"answers": answers, "truth": truth, "visible": visible},
         metrics=result,
         summary=set_lines(result),
-        notes=[f"warning: {text}" for text in result["warnings"]],
+        warnings=result["warnings"],
         figures={"reliability.png": lambda: calibration_figure({"named causes": bins})}
         if bins
         else {},

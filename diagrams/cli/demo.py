@@ -1,14 +1,12 @@
 """`np-drake demo`: the whole story in one run."""
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 from diagrams.cli.fly import as_config, flights_table
 from diagrams.cli.verb import Jobs, Report, Run, Table, progress, reports, say
-from diagrams.demo.page import cause_rows, meeting_rows, write_demo
-from diagrams.demo.story import HELD_OUT, Demo, run_demo
 from diagrams.studies.options import DEFAULT_SOLVER, Solver, percent, tabulate
-from diagrams.studies.tracking import PAPER
 from np_drake.mpc.solvers import require_solver
 
 
@@ -24,6 +22,9 @@ def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
     them: index.html.
     """
     require_solver(solver)
+    from diagrams.demo.page import cause_rows, meeting_rows, write_demo
+    from diagrams.demo.story import HELD_OUT, run_demo
+
     start = time.perf_counter()
     with progress("demo", 1.0) as advance:
         result = run_demo(run.folder, seed=run.seed, solver=solver, jobs=jobs, on_progress=advance)
@@ -40,7 +41,7 @@ def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
     return Report(
         [
             flights_table(flights),
-            _reduction_table(result),
+            _reduction_table(result.reduction()),
             (causes, effects, list(cause_rows(result))),
             (meeting, errors, list(meeting_rows(result))),
         ],
@@ -58,9 +59,11 @@ def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
     )
 
 
-def _reduction_table(result: Demo) -> Table:
+def _reduction_table(cuts: Mapping[str, dict[str, float]]) -> Table:
+    from diagrams.studies.tracking import PAPER
+
     lines = []
-    for track, cut in result.reduction().items():
+    for track, cut in cuts.items():
         xy, z = (
             1 - n / m for n, m in zip(PAPER["np"][track], PAPER["nominal"][track], strict=True)
         )

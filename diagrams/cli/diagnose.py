@@ -10,9 +10,6 @@ from typer import Argument, Option
 
 from diagrams.batch.run import part_of, require
 from diagrams.cli.verb import LogMap, Report, Run, Table, progress, reports, say, tell
-from diagrams.gap import side_by_side
-from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, with_trial, write_corrected
-from diagrams.gap.drake_replay import DrakeReplay
 from diagrams.studies.options import tabulate
 from np_drake.diagnosis.diagnose import diagnose as five_steps
 from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport, examine
@@ -107,9 +104,11 @@ def diagnose(
     files = _choose_files(case, vehicle, train or [], held_out or [], before or [])
     nominal = _nominal_vehicle(files)
     logs = fitted, judging, earlier = files.open(nominal)
-    tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes))
     beside = files.open_neighbours(neighbour or (), logs)
-    require_flights(*logs)  # what is refused is so without a bar
+    require_flights(*logs)  # what is refused is so without a bar, and before Drake is loaded
+    from diagrams.gap.corrected import with_trial
+    from diagrams.gap.drake_replay import DrakeReplay
+
     with progress("diagnosing", 1.0) as advance:
         found = five_steps(
             nominal,
@@ -154,6 +153,7 @@ def diagnose(
         metrics=content,
         lines=judgement(found),
         notes=notes(found),
+        warnings=words.warnings(found),
         write=write,
     )
 
@@ -207,11 +207,10 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
 
 
 def notes(diagnosis: Diagnosis) -> list[str]:
-    """Return the sensors that were assumed, and every warning once."""
+    """Return the sensors that were assumed."""
     named = {"rig": "real", "laboratory": "ideal"}
     sensors = named.get(diagnosis.judged_as, diagnosis.judged_as)
-    judged = [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
-    return [*judged, *(f"warning: {text}" for text in words.warnings(diagnosis))]
+    return [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
 
 
 def _write_simulators(found: Diagnosis, vehicle: Vehicle, folder: Path) -> dict[str, str]:
@@ -220,6 +219,8 @@ def _write_simulators(found: Diagnosis, vehicle: Vehicle, folder: Path) -> dict[
 
     Raises: OSError: if one cannot be written.
     """
+    from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, write_corrected
+
     links = {}
     for one, name, which in ((found, FILE, ""), (found.refit, SECOND, " of the second answer")):
         (folder / name).unlink(missing_ok=True)  # of an earlier diagnosis
@@ -243,6 +244,8 @@ def _write_overlay(
     """Write `replay.html` to a folder and return the text of its link; print where it is, or why
     there is none.
     """
+    from diagrams.gap import side_by_side
+
     path = folder / side_by_side.FILE
     path.unlink(missing_ok=True)  # of an earlier diagnosis
     if not held_out:

@@ -175,6 +175,7 @@ def fly(
         metrics=metrics,
         summary=said if compared else [],
         notes=[] if link is not None else [note for flight in flights for note in _notes(flight)],
+        warnings=[text for flight in flights for text in flight.warnings()],
         write=write,
         failure=FailedRun(" ".join(map(str, lost))) if lost else None,
     )
@@ -370,14 +371,11 @@ def _fly_linked(config: FlightConfig, seed: int, address: str) -> tuple[FlightRe
 
 
 def _notes(flight: FlightResult) -> list[str]:
-    """Return lines about waypoints that a flight did not pass, and about the delay of commands with
-    which the controller reckoned at the end.
-    """
-    said = [f"warning: {text}" for text in flight.warnings()]
+    """Return a line about the delay of commands with which the controller reckoned at the end."""
     longest = LONGEST_DELAY * flight.config.controller.period
     more = " or later, the latest that is looked for" if flight.delay > longest - 1e-9 else ""
     late = f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late{more}"
-    return [*said, *([late] if flight.delay else [])]
+    return [late] if flight.delay else []
 
 
 def as_config(config: FlightConfig) -> dict:

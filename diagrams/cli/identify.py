@@ -18,10 +18,10 @@ from diagrams.cli.verb import (
     Run,
     Table,
     Wheelbase,
+    noted,
     progress,
     reports,
     say,
-    tell,
     write_metrics,
 )
 from diagrams.identification.page import (
@@ -127,7 +127,7 @@ def identify(
         frame = {"wheelbase": wheelbase, "propeller": propeller, "order": order}
         prior = _prior_of(vehicle, {**frame, "mass": mass}, props)
         mass = None if trust == "thrust" else mass or prior.mass
-        opened, notes = _open_logs([*logs, *judges], prior, log_map, advance)
+        opened = _open_logs([*logs, *judges], prior, log_map, advance)
         judging = [log for found in opened[len(logs) :] for log in found]
         drive = common_drive([log for found in opened for log in found], input)
         require(
@@ -143,7 +143,9 @@ def identify(
         advance(FITTED, "judging")
         rows = errors_on(found, judging, parts)
         advance(1.0)
-    tell(*notes, *said, *found.notes)
+    flown = [log for flights in opened for log in flights]
+    untold = [] if tell_directions(flown, prior) else [UNTOLD]
+    warnings = noted(flown, [*untold, *said, *found.notes])
     config: dict[str, Any] = {
         "logs": logs,
         "vehicle": prior.name,
@@ -162,11 +164,19 @@ def identify(
             save_vehicle(own, folder / FILE)
             say(f"vehicle file: {folder / FILE}")
         write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
-        say(f"page: {write_page(found, rows, folder, thirds=bool(parts))}")
+        say(f"page: {write_page(found, rows, folder, thirds=bool(parts), warnings=warnings)}")
 
     lines = [*summary(found), *filter(None, [change(rows)])]
     shown = [table for table in _tables(found, rows) if table[-1]]
-    return Report(shown, config=config, metrics=metrics, lines=lines, write=write, failure=failure)
+    return Report(
+        shown,
+        config=config,
+        metrics=metrics,
+        lines=lines,
+        warnings=warnings,
+        write=write,
+        failure=failure,
+    )
 
 
 def _vehicle(found: Identification, name: str) -> tuple[Vehicle | None, FailedRun | None]:
@@ -209,9 +219,8 @@ def _prior_of(vehicle: Path | None, measures: dict[str, Any], props: str | None)
 
 def _open_logs(
     paths: list[Path], vehicle: Vehicle, log_map: Path | None, advance: Any
-) -> tuple[list[list[FlightLog]], list[str]]:
-    """Return the flights of each log, with rotors in the order of the vehicle, and what readers
-    derived.
+) -> list[list[FlightLog]]:
+    """Return the flights of each log, with rotors in the order of the vehicle.
 
     Raises: ValueError: where the rotors of a log do not turn, with what would tell the vehicle.
     """
@@ -226,14 +235,7 @@ def _open_logs(
             any(values is None or (values > 0).any() for values in inputs),
             f"{path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}",
         )
-    opened = [found.flights for found in with_vehicle(read, vehicle)]
-    said: dict[str, list[str]] = {}
-    for log in (log for flights in opened for log in flights):
-        for note in log.notes:
-            said.setdefault(note, []).append(log.name)
-    if not tell_directions([log for flights in opened for log in flights], vehicle):
-        said[UNTOLD] = ["all flights"]
-    return opened, [f"{', '.join(names)}: {note}" for note, names in said.items()]
+    return [found.flights for found in with_vehicle(read, vehicle)]
 
 
 def _split(

@@ -10,6 +10,7 @@ from typer import Argument, Option
 
 from diagrams.batch.run import part_of, require
 from diagrams.cli.verb import LogMap, Report, Run, progress, reports, say
+from np_drake.files.number_text import grouped
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import SUFFIXES, write_log
 from np_drake.logs.import_sheet import sheet_path, write_sheet
@@ -108,7 +109,8 @@ def import_logs(
         [("imported flights", header, rows)] if rows else [],
         config={"logs": logs, "map": log_map, **how},
         metrics={"files": written, "failures": failures},
-        summary=[*left, f"{flights} written to {run.folder}, a sheet beside each."] if rows else [],
+        summary=[f"{flights} written to {run.folder}, a sheet beside each."] if rows else [],
+        warnings=grouped(left, [path.name for path in logs]),
         failure=failure,
     )
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
-import pandas as pd
 from typer import Argument, Option
 
 from diagrams.batch.run import FailedRun, require
@@ -20,6 +19,7 @@ from diagrams.cli.verb import (
     Run,
     Table,
     VehicleFile,
+    noted,
     progress,
     reports,
     require_outputs,
@@ -28,23 +28,21 @@ from diagrams.cli.verb import (
 )
 from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import training_flight
-from diagrams.studies.learning import flown_share, placed_family, train_on_envelope
 from diagrams.studies.options import Neurobem, tabulate
 from np_drake.files.figure_file import new_figure, save
 from np_drake.files.number_text import number
 from np_drake.lifting.model.lifted_model import (
+    BY_AXES,
     FAMILIES,
     LIFTED,
+    MODE_DICTIONARY,
     NEURAL,
-    LiftedModel,
+    PAPER,
     load_model,
     rotor_lag_of,
     save_model,
     schema_of,
 )
-from np_drake.lifting.training.network_training import PART
-from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config, suited
-from np_drake.lifting.training.train import train as train_lifted
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import (
     RACE_TRACK,
@@ -57,7 +55,6 @@ from np_drake.payload_filter.model_file import SCHEMAS, PayloadFilterModel
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
 from np_drake.residual_models.linear_baselines import fit_all
 from np_drake.residual_models.motion_model import KNODE, REACTIONS, MotionModel
-from np_drake.residual_models.predictor_training import train_motion_model, train_on_flights
 from np_drake.skill.skill import Model, diverged, flight_stability, label_distances, score_flights
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.segments import Flight, WrenchSequence, require_motion, require_torque
@@ -118,7 +115,7 @@ def train(
     require(out.suffix == ".safetensors", f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
     require_outputs(out, curve, *([run.json] if run.json else []))
-    known = (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)
+    known = (LIFTED, PAPER, NEURAL, MODE_DICTIONARY, PAYLOAD_FILTER, *REACTIONS)
     require(
         configuration in (None, *known),
         f"--configuration: must be one of {', '.join(known)}; got {configuration}.",
@@ -132,14 +129,22 @@ def train(
     flights = open_flights(logs, vehicle)
     if not force:
         require_motion(flights)
+    from diagrams.studies import learning  # with torch: what is refused is so before it is loaded
+    from np_drake.lifting.training.train import TrainingResult, make_config
+    from np_drake.residual_models.predictor_training import train_on_flights
+
     flown = flights[0].vehicle if flights else load_vehicle(vehicle) if vehicle else Vehicle()
     step = step or sampling_period(flown)
     frame = flights[0].frame if flights else "world"
     family = None
     if not name and envelope:
-        name = NEURAL if envelope >= PART else LIFTED
+        name = NEURAL if envelope >= learning.PART else LIFTED
     if name in ("", *FAMILIES) and frame == "world" and envelope is None:
-        family = _placed(flights, step)
+        family, text = learning.placed_family(flights, step=step)
+        alone = (
+            "The logs alone count; --envelope N learns from simulated flights of the vehicle too."
+        )
+        say(text, "--envelope 0 trains on the logs alone." if family else alone)
     if family is not None:
         family = family.without_network if name == LIFTED else family
         name = family.configuration
@@ -163,11 +168,11 @@ def train(
         config = make_config(configuration, frame=frame, seed=run.seed, epochs=epochs)
         start = time.perf_counter()
         if configuration in FAMILIES and envelope:
-            result = train_on_envelope(
+            result = learning.train_on_envelope(
                 envelope, config, run=run, vehicle=flown, flights=flights, step=step
             )
             result = dc.replace(
-                result, model=flown_share(result.model, envelope, run=run, vehicle=flown)
+                result, model=learning.flown_share(result.model, envelope, run=run, vehicle=flown)
             )
             wall = time.perf_counter() - start
         elif family is not None:
@@ -203,25 +208,15 @@ def train(
         metrics={"loss": loss, "wall": wall, "summary": summary},
         lines=[f"excitation: {summary['excitation']}", *lines],
         notes=notes,
+        warnings=noted([flight.data for flight in flights]),
     )
-
-
-def _placed(flights: Sequence[Flight], step: float) -> LiftedModel | None:
-    """Return the packaged family as the logs place it, and say so; None where they are to be learnt
-    from alone.
-    """
-    family, text = placed_family(flights, step=step)
-    say(text)
-    alone = "The logs alone count; --envelope N learns from simulated flights of the vehicle too."
-    say("--envelope 0 trains on the logs alone." if family else alone)
-    return family
 
 
 def configuration_for(name: str, frame: str) -> str:
     """Return the configuration to train, and say which where none was named; wrenches are in world
     or body axes.
     """
-    configuration = suited(name, frame)
+    configuration = name or BY_AXES[frame]
     if not name:
         say(f"configuration: {configuration}, as the wrenches are in {frame} axes.")
     return configuration
@@ -254,6 +249,7 @@ def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float)
         config={"configuration": PAYLOAD_FILTER, "step": step},
         metrics={"wall": wall, "summary": model.summary},
         notes=[f"model: {out}"],
+        warnings=noted([flight.data for flight in flights]),
     )
 
 
@@ -261,6 +257,8 @@ def train_reaction(
     name: str, flights: Sequence[Flight], *, step: float, settings: dict
 ) -> tuple[MotionModel, list[float], float]:
     """Return gp or knode trained, its loss, and how long the training took [s]."""
+    from np_drake.residual_models.predictor_training import train_motion_model
+
     vehicle = flights[0].vehicle
     require(
         all(flight.vehicle == vehicle for flight in flights),
@@ -286,8 +284,7 @@ def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
 
 
 def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
-    """Open and check every file, and print what a reader derived; a scenario file is flown,
-    once every other file is open.
+    """Open and check every file; a scenario file is flown, once every other file is open.
 
     Without a vehicle file, NeuroBEM files have the published one, flight logs the paper's.
     Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad
@@ -311,7 +308,6 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
             own = vehicle or log.vehicle or Vehicle()
             for data in map(require_torque, log.flights):
                 flights.append(Flight(with_accelerations(data), own))
-                tell(*(f"{data.name}: {note}" for note in flights[-1].data.notes))
         elif isinstance(found, WrenchSequence):
             flights.append(Flight(found, vehicle or published_vehicle()))
         else:
@@ -397,6 +393,7 @@ def evaluate(
         config=settings,
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
         notes=unfiltered,
+        warnings=noted([flight.data for flight in (*training, *tests)]),
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
         if lost
         else None,
@@ -461,6 +458,9 @@ def _train_all(
     flights: list[Flight], *, step: float, seed: int, epochs: int | None
 ) -> dict[str, Model]:
     """Train both configurations on the same flights."""
+    from np_drake.lifting.training.train import make_config
+    from np_drake.lifting.training.train import train as train_lifted
+
     segments = [segment for flight in flights for segment in flight.segments(step)]
     models: dict[str, Model] = {}
     for asked in TRAINED:
@@ -476,6 +476,8 @@ def tables(rows: list[dict[str, Any]], zeta: str) -> list[Table]:
     """Return two tables for every flight, a column for every horizon: hold RMSE and, in brackets,
     skill.
     """
+    import pandas as pd
+
     frame = pd.DataFrame([row for row in rows if row["zeta"] == zeta])
     header, found = ["ahead", *(f"{h:.4g} s" for h in sorted(set(frame["horizon"])))], []
     for flight, own in frame.groupby("flight", sort=False):

@@ -26,10 +26,6 @@ from diagrams.cli.verb import (
     require_outputs,
     say,
 )
-from diagrams.exports.formats import FORMATS, SHAPE, not_carried
-from diagrams.loop.experiments import load_experiment
-from diagrams.loop.flight import FlightConfig, load_flight
-from np_drake.effects.calibration import in_flight
 from np_drake.files.file_access import is_regular, lock_outputs, write_text
 from np_drake.files.yaml_file import read_yaml
 from np_drake.vehicle import Vehicle
@@ -169,6 +165,8 @@ def _copy_of(preset: str, changed: Mapping[str, Any]) -> str:
 
 def _scale_rows(known: Vehicle) -> list[tuple]:
     """Return the scales and dimensionless numbers of a vehicle, and its default flight."""
+    from diagrams.loop.experiments import load_experiment
+
     unit, number, circle = scales(known), numbers(known), load_experiment("circle", known)
     payload, reference = circle.reality.payload, circle.reference
     stated = [
@@ -217,6 +215,8 @@ def export(
 ) -> Report:
     """Write a vehicle as SDF (Gazebo, Drake) or MJCF (MuJoCo), and say what it leaves out."""
     require(to in NAMES, f"--format must be one of {', '.join(NAMES)}; got {to!r}.")
+    from diagrams.exports.formats import FORMATS, SHAPE, not_carried
+
     vehicle, effects = read_corrected(file)
     form = FORMATS[to]
     account = [*form.write(vehicle, effects, out), *not_carried(vehicle)]
@@ -241,6 +241,9 @@ def read_corrected(file: str) -> tuple[Vehicle, list[Any]]:
 
     No format knows an onset: an effect that begins in flight acts from the start, which is said.
     """
+    from diagrams.loop.flight import FlightConfig, load_flight
+    from np_drake.effects.calibration import in_flight
+
     source = vehicle_file(file)
     content: Any = None
     with suppress(OSError, ValueError):  # what is wrong in it is left to its reader

@@ -46,7 +46,7 @@ from np_drake.files.file_access import (
     write_text,
 )
 from np_drake.files.interruption import end_in_order
-from np_drake.files.number_text import NBSP, NOTHING, number
+from np_drake.files.number_text import NBSP, NOTHING, grouped, number
 
 HELP = {"help_option_names": ["-h", "--help"]}
 WIDTH = 100  # columns of a line: at most, and where no terminal tells
@@ -165,7 +165,7 @@ def reports(
     def decorate(body: Callable[..., Report]) -> Callable[..., None]:
         @functools.wraps(body)
         def verb(**given: Any) -> None:
-            end_in_order()  # all modules of the verb are loaded
+            end_in_order()  # what is loaded from here on is given up like any work
             asked = {name: given.pop(name) for name in shared}
             out_folder = asked.get("out")
             pages = {n: asked[n] for n in ("json", "markdown") if asked.get(n) is not None}
@@ -237,6 +237,8 @@ def _show(report: Report, out: Path | None) -> None:
         print_table(*table)
     tell(*report.summary)
     tell(*report.notes)
+    if report.warnings:
+        print_table("warnings", ["warning"], [(text,) for text in report.warnings])
     if out is None:
         return
     for name, draw in report.figures.items():
@@ -244,6 +246,12 @@ def _show(report: Report, out: Path | None) -> None:
         say(f"figure: {out / name}")
     if report.write is not None:
         report.write(make_folder(out))
+
+
+def noted(logs: Sequence[Any], also: Sequence[str] = ()) -> list[str]:
+    """Return what readers derived or repaired in logs, and further lines, each once."""
+    lines = [f"{log.name}: {note}" for log in logs for note in log.notes]
+    return grouped([*lines, *also], [log.name for log in logs])
 
 
 def console(*, stderr: bool = False) -> Console:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from diagrams.demo.story import FORETOLD, HELD_OUT, LEARNED, SIMULATORS, Demo, until
 from diagrams.gap import corrected, side_by_side
@@ -18,7 +17,7 @@ from diagrams.studies.tracking import TRACKS
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.page import write_report
 from np_drake.diagnosis.result import UNKNOWN, Estimate
-from np_drake.files.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, Figure, new_figure
 from np_drake.files.page import Section, write_page
 from np_drake.logs.formats.log_file import write_log
 

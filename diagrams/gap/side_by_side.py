@@ -21,7 +21,6 @@ from diagrams.loop.replay import (
     add_payload,
     add_quadrotor,
     add_trail,
-    arm_length,
     frames,
     new_scene,
     pose,
@@ -31,6 +30,7 @@ from np_drake.diagnosis.gap import LEAD
 from np_drake.diagnosis.result import HORIZONS, Diagnosis
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import scales
 
 RESTART = HORIZONS[-1]  # after which a simulator starts anew, as in the replay error [s]
 # part of the flight that is shown [s]; own choice: a page stays small and is made in seconds
@@ -139,7 +139,7 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
     of each from it.
     Raises: OSError: if it cannot be written.
     """
-    meshcat, film, size = new_scene(), Film(), arm_length(vehicle)
+    meshcat, film, size = new_scene(), Film(), scales(vehicle).length
     add_quadrotor(meshcat, vehicle, "flight")
     add_trail(meshcat, "flight_trail", found.x[:, :3], 0.04 * size, DARK)
     ghosts = {"nominal": (found.nominal, RED)}

@@ -9,12 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
 
 from np_drake.diagnosis.report.page import PLAIN_TICKS, legend
 from np_drake.diagnosis.report.words import (
-    UNITS,
     capital,
     estimate,
     flights,
@@ -26,9 +23,9 @@ from np_drake.diagnosis.report.words import (
 )
 from np_drake.diagnosis.result import Estimate
 from np_drake.files import page
-from np_drake.files.figure_file import PALETTE, new_figure
+from np_drake.files.figure_file import PALETTE, Figure, new_figure
 from np_drake.files.file_access import require_writable
-from np_drake.files.number_text import NOTHING, fixed, percent
+from np_drake.files.number_text import NOTHING, UNITS, fixed, percent
 from np_drake.files.page import Section
 from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification, doubts, trades
@@ -40,7 +37,12 @@ VEHICLE = "vehicle.yaml"
 
 
 def write_page(
-    found: Identification, rows: list[HeldOut], folder: Path, *, thirds: bool = False
+    found: Identification,
+    rows: list[HeldOut],
+    folder: Path,
+    *,
+    thirds: bool = False,
+    warnings: Sequence[str] = (),
 ) -> Path:
     """Write `identification.html` and its figures to a folder, and return the path of the page.
 
@@ -55,7 +57,9 @@ def write_page(
         "agreement": agreement_figure(found, each) if each else None,
         "residuals": residual_figure(rows) if rows else None,
     }
-    sections = [Section(TEMPLATE, content(found, rows, each) | {"thirds": thirds})]
+    shown = content(found, rows, each)
+    shown |= {"thirds": thirds, "warnings": [*traded(found), *doubts(found), *warnings]}
+    sections = [Section(TEMPLATE, shown)]
     return page.write_page(
         folder / PAGE, f"Identification · {found.prior.name}", sections, pictures
     )
@@ -116,7 +120,6 @@ def content(
             ("mass", _mass(found)),
             ("np_drake", version("np_drake")),
         ],
-        "notes": [*traded(found), *doubts(found), *found.notes],
     }
 
 
@@ -190,7 +193,7 @@ def shown_in(q: Identified) -> tuple[float, str]:
     if unit in SHOWN:
         return SHOWN[unit]
     power = math.floor(math.log10(largest)) if largest > 0 else 0
-    if (unit == "kg·m²" and -3 <= power <= -2) or (unit not in UNITS and power < -2):
+    if unit not in UNITS and power < -2:
         return 10.0**-power, f"× 10{str(power).translate(RAISED)} {unit}"
     return suited(largest, unit)
 
@@ -326,8 +329,8 @@ def interval_figure(found: Identification) -> Figure:
             zorder=3,
         )
         told, both = interval(q)
-        ax.text(REACH + 0.12, place, f"{told}   ({both})", va="center", fontsize=8)
-    ax.set_yticks(range(len(shown)), [q.name for q in shown], fontsize=8.5)
+        ax.text(REACH + 0.12, place, f"{told}   ({both})", va="center")
+    ax.set_yticks(range(len(shown)), [q.name for q in shown])
     ax.set(xlim=(-REACH, REACH), ylim=(len(shown) - 0.4, -0.6), xticks=[-2, -1, 0, 1, 2])
     ax.set_xlabel(
         "place in the prior: 0 its middle, ±1 its 95 % (of logarithms where a quantity is positive)"
@@ -356,9 +359,7 @@ def agreement_figure(found: Identification, each: Sequence[FlightValues]) -> Fig
             ax.set_visible(False)
             continue
         _flights(ax, each[place])
-        ax.set_xticks(
-            range(count), [str(i + 1) if count <= 15 else "" for i in range(count)], fontsize=8
-        )
+        ax.set_xticks(range(count), [str(i + 1) if count <= 15 else "" for i in range(count)])
         ax.set_xlim(-0.6, count - 0.4)
         if place >= len(each) - ACROSS:
             ax.set_xlabel("flight, in the order given")
@@ -382,16 +383,17 @@ def _flights(ax, told: FlightValues) -> None:
             ax.plot(i, factor * told.value[i], mark, markersize=5, color=colour, label=label)
     p = "" if math.isnan(q.p) else f"p {q.p:.2g}" if q.p >= 0.001 else "p < 0.001"
     weight = "bold" if told.differ else "normal"
-    ax.set_title(q.name, loc="left", fontsize=9, fontweight=weight)
-    ax.set_title(p, loc="right", fontsize=8.5, fontweight=weight)
-    ax.set_ylabel(f"[{shown or '1'}]", fontsize=8)
-    ax.tick_params(labelsize=8)
+    ax.set_title(q.name, loc="left", fontsize=10, fontweight=weight)
+    ax.set_title(p, loc="right", fontsize=10, fontweight=weight)
+    ax.set_ylabel(f"[{shown or '1'}]")
     ax.ticklabel_format(axis="y", useOffset=False)
     _tidy(ax, "y")
 
 
 def residual_figure(rows: Sequence[HeldOut]) -> Figure:
     """Return the RMS of held-out force and torque by axis, a mark a model and flight."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
     kinds = [("force", "N"), ("torque", "N·m")][: 1 + bool(np.isfinite(rows[0].torque).all())]
     figure, grid = new_figure(1, len(kinds), width=4.5 * len(kinds), height=3.0)
     flights = list(dict.fromkeys(row.flight for row in rows))

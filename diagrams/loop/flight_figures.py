@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from np_drake.files.figure_file import DASHES, PALETTE, new_figure, new_mosaic
+from np_drake.files.figure_file import DASHES, PALETTE, Axes, Figure, new_figure, new_mosaic
 
 FlightResult = Any  # of diagrams.loop.flight_result, which draws these figures itself
 LEAST_EXTENT = 0.05  # of a track that is no hover [m]; half the window about a hover
@@ -67,7 +65,7 @@ def overlay(flights: Sequence[FlightResult], title: str = "") -> Figure:
 def _legend(figure: Figure, ax: Axes, columns: int = 4) -> Figure:
     """Return the figure with the legend of one of its axes below."""
     handles, labels = ax.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8)
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
     return figure
 
 
@@ -84,7 +82,7 @@ def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
         ax.plot(points[:, 0], points[:, 1], **_WAYPOINTS, label="waypoint")
     for k, flight in enumerate(flights):
         p = flight.flown[flight.last_lap]
-        ax.plot(p[:, 0], p[:, 1], **_line(k), linewidth=1.3, label=flight.label)
+        ax.plot(p[:, 0], p[:, 1], **_line(k), linewidth=1.5, label=flight.label)
     title = " · ".join(filter(None, (title, drawn)))
     ax.set(xlabel="x [m]", ylabel="y [m]", title=title, aspect="equal", adjustable="datalim")
     ax.grid(alpha=0.3)
@@ -100,7 +98,7 @@ def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
         ax.plot(t[near], points[:, 2], **_WAYPOINTS)
     for k, flight in enumerate(flights):
         own = flight.last_lap
-        ax.plot(flight.signals["t"][own], flight.flown[own, 2], **_line(k), linewidth=1.3)
+        ax.plot(flight.signals["t"][own], flight.flown[own, 2], **_line(k), linewidth=1.5)
     low, high = ax.get_ylim()
     middle, half = 0.5 * (low + high), max(0.5 * (high - low), LEAST_HEIGHT)
     _against_time(ax, "height z [m]", ylim=(middle - half, middle + half), xlabel="time [s]")
@@ -111,7 +109,7 @@ def _draw_errors(axes: Sequence[Axes], flights: Sequence[FlightResult]) -> None:
     for i, ax in enumerate(axes):
         for k, flight in enumerate(flights):
             e = 100 * (flight.flown[:, i] - flight.signals["p_ref"][:, i])
-            ax.plot(flight.signals["t"], e, **_line(k), linewidth=1.0, label=flight.label)
+            ax.plot(flight.signals["t"], e, **_line(k), linewidth=1.4, label=flight.label)
         ax.axvspan(0, flights[0].config.reference.lead, color="0.92", zorder=0)
         _against_time(ax, f"$e_{_AXES[i]}$ [cm]")
     axes[-1].set_xlabel("time [s] (grey: ramp, not scored)")

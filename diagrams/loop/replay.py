@@ -27,14 +27,17 @@ from np_drake import attitude
 from np_drake.files.file_access import write_text
 from np_drake.rigid_body import P, Q
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import scales
 
-DARK, GREY = Rgba(0.2, 0.2, 0.22), Rgba(0.6, 0.6, 0.6)
+DARK, GREY = Rgba(0.45, 0.47, 0.5), Rgba(0.6, 0.6, 0.6)  # seen on a light and a dark ground
 BLUE, RED, GREEN, PINK = (  # Okabe and Ito's, for colour-blind readers
     Rgba(0, 0.45, 0.7),
     Rgba(0.84, 0.37, 0),
     Rgba(0, 0.62, 0.45),
     Rgba(0.8, 0.47, 0.65),
 )
+FROM = np.array([0.3, -0.85, 0.4])  # direction from what is seen to the camera [1]
+NEAR = 8.0  # from a vehicle that is followed to the camera, over its arm; own choice [1]
 SIDES = 4  # of the tube that is a trail
 SHORTEST = 1e-3  # of an arrow, since three.js cannot invert a scale of 0 [m]
 FRAME_RATE = 25.0  # of a film [1/s]
@@ -49,20 +52,19 @@ POLICY = (
 
 
 def new_scene() -> Meshcat:
-    """Return an empty scene on a light ground, whose server nobody is told of."""
+    """Return an empty scene, whose server nobody is told of; the ground is the page's, light or
+    dark.
+    """
     logging.getLogger("drake").setLevel(logging.WARNING)
     meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+    # These light the objects; as a background they would show the edges of the cube they are on.
     meshcat.SetProperty("/Background/<object>", "top_color", [0.97, 0.98, 1.0])
     meshcat.SetProperty("/Background/<object>", "bottom_color", [0.8, 0.82, 0.85])
+    meshcat.SetProperty("/Background/<object>", "use_ar_background", True)
     # Meshcat's spots are near the origin; far from it only this one is seen.
     meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 0.9)
     meshcat.SetProperty("/Axes", "visible", False)
     return meshcat
-
-
-def arm_length(vehicle: Vehicle) -> float:
-    """Return the mean distance of the rotors from Bo [m]."""
-    return float(np.linalg.norm(vehicle.rotor_positions, axis=1).mean())
 
 
 def add_quadrotor(
@@ -74,7 +76,7 @@ def add_quadrotor(
         overlay: one colour, with its transparency, of all parts; None: solid, the front pair of
             rotors coloured.
     """
-    size = arm_length(vehicle)
+    size = scales(vehicle).length
     meshcat.SetObject(f"{path}/body", Box(0.5 * size, 0.5 * size, 0.2 * size), overlay or DARK)
     for i, p in enumerate(vehicle.rotor_positions):
         arm = np.array(p, float)
@@ -178,7 +180,7 @@ def flight_scene(config: FlightConfig, track: np.ndarray, *, force: str, payload
     Args:
         track: (n, 3) points of the reference in W [m].
     """
-    meshcat, size = new_scene(), arm_length(config.vehicle)
+    meshcat, size = new_scene(), scales(config.vehicle).length
     add_quadrotor(meshcat, config.vehicle)
     add_arrow(meshcat, "thrust", 0.04 * size, DARK)
     add_arrow(meshcat, force, 0.07 * size, PINK)
@@ -188,8 +190,8 @@ def flight_scene(config: FlightConfig, track: np.ndarray, *, force: str, payload
     return meshcat
 
 
-def set_camera(meshcat: Meshcat, track: np.ndarray, size: float) -> None:
-    """Set the camera on a whole track.
+def set_camera(meshcat: Meshcat, track: np.ndarray, size: float) -> float:
+    """Set the camera on a whole track, and return its distance [m].
 
     Args:
         track: (n, 3) in W [m].
@@ -198,7 +200,8 @@ def set_camera(meshcat: Meshcat, track: np.ndarray, size: float) -> None:
     low, high = track.min(axis=0), track.max(axis=0)
     away = 0.75 * float(np.linalg.norm(high - low)) + 4 * size
     target = 0.5 * (low + high) - [0, 0, size]
-    meshcat.SetCameraPose(target + away * np.array([0.3, -0.85, 0.4]), target)
+    meshcat.SetCameraPose(target + away * FROM, target)
+    return away
 
 
 def frames(t: np.ndarray) -> np.ndarray:
@@ -240,7 +243,9 @@ class Page:
         (frames,) [m]; infinite where lost.
     trails: (path, first, last): in frame k, points `first[k]` to `last[k]` of the tube are seen.
     legend: (colour, text).
-    follow: path of the object with which the camera flies, and where from it the camera is [m].
+    follow: path of the object with which the camera flies, and where from it the camera is in a
+        window that is wider than high [m].
+    whole: whether a window that is wider than high shows the scene's own view, from where it is.
     """
 
     title: str
@@ -250,6 +255,7 @@ class Page:
     legend: tuple[tuple[Rgba, str], ...] = ()
     note: str = ""
     follow: tuple[str, tuple[float, float, float]] | None = None
+    whole: bool = False
 
 
 def write_page(meshcat: Meshcat, film: Film, page: Page, path: str | Path) -> None:
@@ -282,6 +288,7 @@ def _numbers(page: Page) -> dict:
         "start": page.start,
         "rate": FRAME_RATE,
         "follow": page.follow and {"path": scene(page.follow[0]), "eye": list(page.follow[1])},
+        "whole": page.whole,
         "errors": [
             {"label": label, "color": _css(color), "cm": [cm(value) for value in values]}
             for label, color, values in page.read_outs
@@ -308,7 +315,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     Raises: OSError: if it cannot be written.
     """
     film, s, config, hung = Film(), flight.signals, flight.config, flight.payload_position
-    rows, size, x, reality = frames(s["t"]), arm_length(config.vehicle), s["x_true"], config.reality
+    rows, size = frames(s["t"]), scales(config.vehicle).length
+    x, reality = s["x_true"], config.reality
     meshcat = flight_scene(
         config, s["p_ref"][flight.scored], force="force", payload=hung is not None
     )
@@ -320,7 +328,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
         meshcat.SetTransform(f"waypoints/{number}", RigidTransform(point))
     thrust, force, factor = _arrows(flight)
     told = "true" if flight.wrench_label is None else "estimated"
-    set_camera(meshcat, s["p_ref"][rows], size)
+    away = set_camera(meshcat, s["p_ref"][rows], size)
+    near = min(away, NEAR * size + (0.0 if hung is None else reality.hung.length))
     released = [event.time for event in config.events if event.kind == "release"]
     for frame, k in enumerate(rows):
         film.SetTransform(frame, "quadrotor", pose(x[k]))
@@ -344,6 +353,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
             (PINK, f"{told} external force × {factor:g}"),
             *([] if points is None else [(GREY, "waypoints")]),
         ),
+        follow=("quadrotor", tuple(near * FROM)),
+        whole=True,
     )
     write_page(meshcat, film, page, path)
 
@@ -358,7 +369,7 @@ def _arrows(flight: FlightResult) -> tuple[np.ndarray, np.ndarray, float]:
     is drawn [1].
     """
     s, vehicle = flight.signals, flight.config.vehicle
-    scale = _THRUST * arm_length(vehicle) / (vehicle.mass * vehicle.gravity)  # [m/N]
+    scale = _THRUST * scales(vehicle).length / (vehicle.mass * vehicle.gravity)  # [m/N]
     thrust = s["rotor_thrust"].sum(axis=1, keepdims=True) * attitude.body_z(s["x_true"][:, 3:7])
     chi = next(
         c for c in (flight.chi_foreseen, flight.wrench_label, flight.chi_true) if c is not None

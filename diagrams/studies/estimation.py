@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from diagrams.batch.run import Case, Report, Run, every_result, require
 from diagrams.studies.figures import Panel, panel_figure
 from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, grouped, required, tabulate
+from np_drake.files.figure_file import Figure
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train

@@ -5,9 +5,7 @@ from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
 
-from matplotlib.figure import Figure
-
-from np_drake.files.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, Figure, new_figure
 
 Curve = Any  # x and y, (n,) each
 
@@ -43,6 +41,6 @@ def panel_figure(
             (handles[name],) = ax.plot(*curve, marker=marker, markersize=3.5, lw=1.2, **style)
         ax.set(**panel.axes)
         ax.grid(alpha=0.3)
-    figure.suptitle(title, fontsize=9)
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, fontsize=8)
+    figure.suptitle(title, fontsize=10)
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4)
     return figure

@@ -11,7 +11,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from typer import Option
 
 from diagrams.batch.run import Case, FailedRun, Report, Run, Table, failures, results
@@ -34,6 +33,7 @@ from diagrams.studies.options import (
 )
 from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means, training_config
 from np_drake import metrics
+from np_drake.files.figure_file import Figure
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import LIFTED, NEURAL
 from np_drake.lifting.training.train import make_config

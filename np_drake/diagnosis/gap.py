@@ -6,8 +6,7 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import signal
-from scipy.integrate import cumulative_trapezoid
+import scipy
 
 from np_drake import attitude
 from np_drake.diagnosis.forward_model import true_measurement
@@ -303,7 +302,7 @@ def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """
     smooth, step = x.copy(), float(np.median(np.diff(t)))
     smooth[:, Q], _ = smooth_attitude(t, x[:, Q], x[:, W])
-    missed = x[:, P] - cumulative_trapezoid(x[:, V], t, axis=0, initial=0.0)
+    missed = x[:, P] - scipy.integrate.cumulative_trapezoid(x[:, V], t, axis=0, initial=0.0)
     slope = _local_polynomial(missed, step, POSITION_SPAN, order=2, derivative=1)
     smooth[:, V] = _local_polynomial(
         x[:, V] + (slope - slope.mean(axis=0)), step, VELOCITY_SPAN, order=3
@@ -324,7 +323,7 @@ def _local_polynomial(
         window = max(window, order + 2 - order % 2 + 1)
     if window <= order:
         return value
-    return signal.savgol_filter(value, window, order, deriv=derivative, delta=step, axis=0)
+    return scipy.signal.savgol_filter(value, window, order, deriv=derivative, delta=step, axis=0)
 
 
 def payload_track(

@@ -8,7 +8,7 @@ import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import linalg, optimize
+import scipy
 
 from np_drake import attitude
 from np_drake.diagnosis.fitting import refit
@@ -77,7 +77,7 @@ def wind_force(
         power = np.sum(F**2) - np.sum((one @ F) ** 2) / weight
         return float(0.5 * (power + F.shape[1] * (logdet + np.log(weight))))
 
-    best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=bounds).x
+    best = scipy.optimize.minimize(loss, start, method="L-BFGS-B", bounds=bounds).x
     deviation, time, white = np.exp(best)
     # (k, k) second derivatives by central differences, with a weak prior: a figure may not
     # matter at all.
@@ -111,7 +111,9 @@ def _whitened(
     # Whitening: with the Cholesky factor L of the covariance, L^-1 x has unit covariance.
     factors = {n: factor(n, size, deviation, time, white) for n in {len(s) for s in pieces}}
     both = [
-        linalg.solve_triangular(factors[len(s)], np.column_stack([s, np.ones(len(s))]), lower=True)
+        scipy.linalg.solve_triangular(
+            factors[len(s)], np.column_stack([s, np.ones(len(s))]), lower=True
+        )
         for s in pieces
     ]
     whole = np.concatenate(both)
@@ -191,7 +193,7 @@ def factor(
     column[0] = 2 * (b - 1 + np.exp(-b)) / b**2
     column = column * deviation**2 + common**2
     column[0] += white**2
-    return linalg.cholesky(linalg.toeplitz(column), lower=True)
+    return scipy.linalg.cholesky(scipy.linalg.toeplitz(column), lower=True)
 
 
 def _size(e: FlightResiduals) -> int:
@@ -322,7 +324,7 @@ def _still_air_loss_of(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
 
 def _loss_of_bins(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
     """Return (k,) the -2 log likelihood of each bin (k, 2) after those before it."""
-    white = linalg.solve_triangular(root, bins, lower=True)
+    white = scipy.linalg.solve_triangular(root, bins, lower=True)
     return np.sum(white**2, axis=1) + 4 * np.log(np.diag(root))
 
 

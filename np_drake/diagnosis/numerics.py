@@ -16,8 +16,8 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import linalg
 
 
 @dc.dataclass(frozen=True)
@@ -224,7 +224,7 @@ def fit_noise(
         lags += drift[c]
         lags[0] = (1 + RIDGE) * lags[0] + sudden[c]
         # Yule-Walker: the autocovariances at lags 0 … p solve for phi, by Levinson's recursion.
-        phi[c] = linalg.solve_toeplitz(lags[:-1], lags[1:])
+        phi[c] = scipy.linalg.solve_toeplitz(lags[:-1], lags[1:])
         innovation[c] = lags[0] - phi[c] @ lags[1:]
     plain = NoiseModel(phi, np.eye(channels), rms, innovation, step)
     driven = np.concatenate([plain.whiten(r) for r in [*residuals, *smear]])
@@ -287,7 +287,7 @@ class Gram:
     def log_evidence(self, index: np.ndarray) -> float:
         """Return the log evidence of the columns `index`, less that of the empty model [nat]."""
         factor = np.linalg.cholesky(self.XX[index[:, None], index] + np.eye(len(index)))
-        b = linalg.solve_triangular(factor, self.Xy[index], lower=True, check_finite=False)
+        b = scipy.linalg.solve_triangular(factor, self.Xy[index], lower=True, check_finite=False)
         return float(0.5 * b @ b - np.log(factor.diagonal()).sum())
 
     def evidence_of_sets(

@@ -5,7 +5,7 @@ documented fields.
 import dataclasses as dc
 import math
 
-from scipy import stats
+import scipy
 
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
@@ -51,7 +51,7 @@ def unhealthy(parameters: int) -> float:
     Args:
         parameters: number of independent parameters, whose size is the norm.
     """
-    return float(stats.chi.isf(ODDS, parameters))
+    return float(scipy.stats.chi.isf(ODDS, parameters))
 
 
 IDEAL_SENSORS = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001, real=False)

@@ -14,7 +14,7 @@ import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import linalg, special
+import scipy
 
 from np_drake.diagnosis.options import SPREAD, SURE, Options
 from np_drake.diagnosis.result import Cause, Estimate, Finding
@@ -127,8 +127,8 @@ def weigh(
     found = {}
     for name, h in hypotheses(vehicle, prior).items():
         X = np.kron(late[:, None], h.columns * h.deviation)
-        factor = linalg.cholesky(base + X @ X.T, lower=True)
-        white, own = (linalg.solve_triangular(factor, v, lower=True) for v in (y.ravel(), X))
+        factor = scipy.linalg.cholesky(base + X @ X.T, lower=True)
+        white, own = (scipy.linalg.solve_triangular(factor, v, lower=True) for v in (y.ravel(), X))
         square, size = float(white @ white), freedom + y.size
         # Density of Student's t of all balances.
         logdet = np.log(np.diag(factor)).sum()
@@ -139,9 +139,9 @@ def weigh(
             left = (1.0 - own[:, 0] @ own[:, 0]) * (freedom + square) / size
             error = float(h.deviation[0] * np.sqrt(left))
         if h.sign:
-            evidence += float(np.log(2.0) + special.log_ndtr(h.sign * value / error))
+            evidence += float(np.log(2.0) + scipy.special.log_ndtr(h.sign * value / error))
         found[name] = (evidence, value, error)
-    probability = special.softmax([evidence for evidence, _, _ in found.values()]).tolist()
+    probability = scipy.special.softmax([evidence for evidence, _, _ in found.values()]).tolist()
     return {
         name: Weighed(p, value, error)
         for p, (name, (_, value, error)) in zip(probability, found.items(), strict=True)

@@ -8,7 +8,7 @@ Source: Whittle's likelihood, with cosine transforms, as the spectra are steep; 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import fft, linalg, optimize, special, stats
+import scipy
 
 from np_drake import attitude
 from np_drake.diagnosis.gusts import (
@@ -58,7 +58,7 @@ def slow_force(
     def with_force(z: np.ndarray) -> float:
         return misfit(z[:n], z[n:]) + 0.5 * ((z[n + 1] - np.log(time)) / times) ** 2
 
-    sensors = optimize.minimize(misfit, centre, method="L-BFGS-B", bounds=bounds)
+    sensors = scipy.optimize.minimize(misfit, centre, method="L-BFGS-B", bounds=bounds)
     about = [
         (centre[0] - 4, centre[0] + 4),
         (np.log(time) - REACH * times, np.log(time) + REACH * times),
@@ -68,7 +68,7 @@ def slow_force(
         for z, s in zip((sensors.x, centre), STARTS, strict=True)
     ]
     ends = [
-        optimize.minimize(with_force, z, method="L-BFGS-B", bounds=[*bounds, *about])
+        scipy.optimize.minimize(with_force, z, method="L-BFGS-B", bounds=[*bounds, *about])
         for z in starts
     ]
     best = min(ends, key=lambda end: end.fun)
@@ -102,7 +102,7 @@ def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False)
     n = len(slow[0])
     f = np.arange(n) / (2 * n * step)
     some = (f > 0) & (f <= TOP)
-    values = [fft.dct(a, axis=0, norm="ortho")[some] * np.sqrt(2 * step) for a in slow]
+    values = [scipy.fft.dct(a, axis=0, norm="ortho")[some] * np.sqrt(2 * step) for a in slow]
     return f[some], np.stack(values)
 
 
@@ -178,7 +178,7 @@ def gust_probability(
     )
     if not matters or not shown or lost:
         return 0.0
-    return float(special.expit(evidence - thresholds.slow_force_evidence))
+    return float(scipy.special.expit(evidence - thresholds.slow_force_evidence))
 
 
 def position_p_value(
@@ -217,18 +217,22 @@ def position_p_value(
     if not white:
         return 1.0
     force, drag_x, drag_y, place = np.split(np.concatenate(white), [2, 5, 8], axis=1)
-    less = linalg.orth(np.vstack([drag_x, drag_y]))
-    more = linalg.orth(np.hstack([np.vstack([drag_x, drag_y]), linalg.block_diag(place, place)]))
+    less = scipy.linalg.orth(np.vstack([drag_x, drag_y]))
+    more = scipy.linalg.orth(
+        np.hstack([np.vstack([drag_x, drag_y]), scipy.linalg.block_diag(place, place)])
+    )
     both = force.T.ravel()
     # Likelihood ratio: the power that the position explains beside the drag, by projection on both
     # column spaces.
     gain = np.sum((more.T @ both) ** 2) - np.sum((less.T @ both) ** 2)
-    return float(stats.chi2.sf(gain, more.shape[1] - less.shape[1]))
+    return float(scipy.stats.chi2.sf(gain, more.shape[1] - less.shape[1]))
 
 
 def _about_its_mean(span: np.ndarray, width: float, wind: WindForce) -> np.ndarray:
     """Return (k, a) columns whitened, without what is constant before it was."""
     root = factor(len(span), width, wind.deviation[0], wind.correlation_time[0], wind.white)
-    white = linalg.solve_triangular(root, np.column_stack([span, np.ones(len(span))]), lower=True)
+    white = scipy.linalg.solve_triangular(
+        root, np.column_stack([span, np.ones(len(span))]), lower=True
+    )
     one = white[:, -1:]
     return white[:, :-1] - one @ (one.T @ white[:, :-1]) / np.sum(one**2)

@@ -6,7 +6,7 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from np_drake.diagnosis.forward_model import (
     NEVER,
@@ -94,7 +94,7 @@ class SwingFit:
         start = np.arange(self.size)[free]
         grid = np.tile(swing, (GRID, 1))
         grid[:, start] += self._limit[start] * (
-            2 * qmc.Halton(len(start), scramble=False).random(GRID) - 1
+            2 * scipy.stats.qmc.Halton(len(start), scramble=False).random(GRID) - 1
         )
         promising = grid[np.argsort(self.costs(grid))[:TRIED]]
         ends = np.array([self.descend(s, free) for s in (swing, *promising)])
@@ -126,7 +126,9 @@ class SwingFit:
         """
         covariance = np.linalg.inv(self._normal(self.known, free)[2])
         seed = free.indices(self.size)[0]
-        normal = qmc.MultivariateNormalQMC(np.zeros(len(covariance)), covariance, rng=seed)
+        normal = scipy.stats.qmc.MultivariateNormalQMC(
+            np.zeros(len(covariance)), covariance, rng=seed
+        )
         return normal.random(WAYS) @ np.eye(self.size)[free]
 
     def _normal(self, swing: np.ndarray, free: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

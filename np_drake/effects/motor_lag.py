@@ -3,7 +3,7 @@
 import dataclasses as dc
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from np_drake.effects.base import ActuatorEffect, Parameter, log_uniform
 from np_drake.vehicle import Vehicle
@@ -78,7 +78,9 @@ class MotorLag(ActuatorEffect):
         target = self.state_at(vehicle, command)
         # The lag's solution under a held target, at the middle and the end of each interval.
         decay, half = np.exp(-(t[1] - t[0]) / self.time_constant * np.array([1.0, 0.5]))
-        end, _ = signal.lfilter([1 - decay], [1, -decay], target, axis=0, zi=decay * target[:1])
+        end, _ = scipy.signal.lfilter(
+            [1 - decay], [1, -decay], target, axis=0, zi=decay * target[:1]
+        )
         start = np.concatenate([target[:1], end[:-1]])
         middle = target + (start - target) * half
         return vehicle.thrust_coefficient * (start**2 + 4 * middle**2 + end**2) / 6

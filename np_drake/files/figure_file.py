@@ -1,21 +1,28 @@
-"""Figures without a display, and the writing of their files."""
+"""Figures without a display, and the writing of their files; matplotlib is loaded when one is
+drawn.
+"""
 
 import io
+from functools import partial
 from pathlib import Path
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from np_drake.files.file_access import write_bytes
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+else:
+    Axes = Figure = Any
+
 # Okabe and Ito's palette: distinguishable for colour-blind readers and, with the dashes, in grey
 # print.
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#000000", "#E69F00", "#56B4E9", "#CC79A7")
 DASHES = (
     "-",
     "--",
     "-.",
-    ":",
+    (0, (3, 1)),  # no dots, which are the reference's
     (0, (5, 1, 1, 1, 1, 1)),
     (0, (8, 2)),
     "-",
@@ -24,11 +31,13 @@ SCREEN = 90  # of a picture in a notebook [dots an inch]
 RESOLUTION = 150  # of a picture [dots an inch]
 
 
-class Picture(Figure):
-    """Figure that a notebook shows without a backend of its own."""
+def _empty(width: float, height: float) -> Figure:
+    """Return a figure of a size [inch] that a notebook shows without a backend of its own."""
+    from matplotlib.figure import Figure
 
-    def _repr_png_(self) -> bytes:
-        return png(self, SCREEN)
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure._repr_png_ = partial(png, figure, SCREEN)  # type: ignore[attr-defined]
+    return figure
 
 
 def new_figure(rows: int, columns: int, *, width: float, height: float, **layout):
@@ -40,7 +49,7 @@ def new_figure(rows: int, columns: int, *, width: float, height: float, **layout
         height: likewise [inch].
         layout: passed to `Figure.subplots`.
     """
-    figure = Picture(figsize=(width, height), layout="constrained")
+    figure = _empty(width, height)
     return figure, figure.subplots(rows, columns, squeeze=False, **layout)
 
 
@@ -53,7 +62,7 @@ def new_mosaic(layout: list[Any], *, width: float, height: float, **ratios):
         height: likewise [inch].
         ratios: passed to `Figure.subplot_mosaic`.
     """
-    figure = Picture(figsize=(width, height), layout="constrained")
+    figure = _empty(width, height)
     return figure, figure.subplot_mosaic(layout, **ratios)
 
 

@@ -3,12 +3,14 @@
 import math
 import re
 import sys
+from collections.abc import Container, Iterable
 
 NOTHING = "–"
 NBSP = "\u00a0"  # a number and its unit stay on one line
 _UNIT = re.compile(
     r"(?<=[\d.]) (?=(?:%|[cmµk]?(?:N|m|s|g|V|A|rad|Hz)|deg|nat)(?:[·/²³]\S*)?(?:[\s,;:.)]|$))"
 )
+_NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?")  # none that is part of a name
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _THOUSANDTHS = {
@@ -25,7 +27,7 @@ UNITS = {  # SI unit: (from this size on [SI], factor, unit shown), the largest 
     "m": ((0.1, 1.0, "m"), (0.0, 1e2, "cm")),
     "rad": ((0.02, math.degrees(1.0), "°"), (0.0, 1e3, "mrad")),
     "m/s": ((0.1, 1.0, "m/s"), (0.0, 1e2, "cm/s")),
-    "kg·m²": ((0.1, 1.0, "kg·m²"), (0.0, 1e7, "g·cm²")),
+    "kg·m²": ((0.0, 1e4, "kg·cm²"),),
     "1/s": ((0.0, 1e2, "%/s"),),
     "deg": ((0.0, 1.0, "°"),),
     "1": ((0.0, 1.0, ""),),
@@ -39,6 +41,30 @@ _DEPARTURES = {  # SI unit: (factor, unit shown) of a small departure
     "m": (1e3, "mm"),
     "1/s": (60.0, "share"),
 }
+
+
+def grouped(lines: Iterable[str], names: Container[str]) -> list[str]:
+    """Return every line once: what is said of several names stands behind them all, and lines that
+    differ in numbers alone are one, with the numbers of each.
+
+    Args:
+        lines: "name: text", or text of none of the names.
+    """
+    alike: dict[str, tuple[dict[str, None], dict[str, None]]] = {}
+    for line in lines:
+        name, _, text = line.partition(": ")
+        told = text if name in names else line
+        of, texts = alike.setdefault(_NUMBER.sub("\0", told), ({}, {}))
+        of |= {name: None} if name in names else {}
+        texts[told] = None
+    found = []
+    for of, texts in alike.values():
+        each = zip(*map(_NUMBER.findall, texts), strict=True)
+        values = [*(" / ".join(dict.fromkeys(numbers)) for numbers in each), ""]
+        parts = zip(_NUMBER.split(next(iter(texts))), values, strict=True)
+        text = "".join(part + value for part, value in parts)
+        found.append(f"{', '.join(of)}: {text}" if of else text)
+    return found
 
 
 def departure_unit(unit: str) -> tuple[float, str]:

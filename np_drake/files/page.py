@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
-from np_drake.files.figure_file import png
+from np_drake.files.figure_file import Figure, png
 from np_drake.files.file_access import write_bytes, write_text
 from np_drake.files.number_text import kept_together
 
@@ -43,7 +42,7 @@ def write_page(
         closed: whether a browser is to refuse every address; not where the page frames another.
     Raises: OSError: if a file cannot be written.
     """
-    made = {name: png(p) if isinstance(p, Figure) else p for name, p in pictures.items()}
+    made = {n: p if p is None or isinstance(p, bytes) else png(p) for n, p in pictures.items()}
     text = render(title, sections, {name: p for name, p in made.items() if p}, closed=closed)
     for name, picture in made.items():
         file = path.with_name(f"{name}.png")

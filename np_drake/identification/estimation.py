@@ -12,7 +12,7 @@ import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import linalg, signal, stats
+import scipy
 
 from np_drake.identification.model import FlightModel
 from np_drake.vehicle.published import published_priors
@@ -260,7 +260,7 @@ class Whitening:
         """
         out = np.empty_like(values)
         for i, taps in enumerate(self.taps):
-            out[:, i] = signal.lfilter(taps, 1.0, values[:, i])
+            out[:, i] = scipy.signal.lfilter(taps, 1.0, values[:, i])
         return out * np.where(self.good[:, None], self.weight, 0.0)
 
 
@@ -276,7 +276,7 @@ def _filter(x: np.ndarray, good: np.ndarray, order: int) -> np.ndarray:
     if r[0] <= 0.0:
         return np.append(1.0, np.zeros(order))
     r[0] *= 1.0 + 1e-9
-    phi = linalg.solve_toeplitz(r[:-1], r[1:])
+    phi = scipy.linalg.solve_toeplitz(r[:-1], r[1:])
     return np.append(1.0, -phi) / np.sqrt(max(r[0] - phi @ r[1:], 1e-12 * r[0]))
 
 
@@ -310,7 +310,7 @@ def compare(values: np.ndarray, sd: np.ndarray) -> Agreement | None:
     if here.sum() < 2:
         return None
     variance, Q = random_effect(values[here], sd[here])
-    return Agreement(values, sd, variance, float(stats.chi2.sf(Q, here.sum() - 1)))
+    return Agreement(values, sd, variance, float(scipy.stats.chi2.sf(Q, here.sum() - 1)))
 
 
 def random_effect(values: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
@@ -338,7 +338,7 @@ def _between(agreement: Agreement) -> float:
 
 def _student(freedom: int) -> float:
     """Return by how much a 95 % interval is wider with few degrees of freedom than with many."""
-    return float(stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975))
+    return float(scipy.stats.t.ppf(0.975, freedom) / scipy.stats.norm.ppf(0.975))
 
 
 PASSES = 4  # of noise models

@@ -7,7 +7,7 @@ import dataclasses as dc
 from collections.abc import Callable
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from np_drake.identification.estimation import Agreement, random_effect
 from np_drake.identification.identify import Identification
@@ -122,7 +122,7 @@ def own_values(found: Identification) -> list[FlightValues]:
             return of(parameter.value(z), arm)
 
         mean, *ends = (value(c) for c in (float(z.mean()), -SURE, SURE))
-        p = float(stats.chi2.sf(Q, count - 1))
+        p = float(scipy.stats.chi2.sf(Q, count - 1))
         constant = Quantity(name, "", unit, _constant(mean))
         prior = (min(ends), max(ends))
         quantity = Identified(constant, mean, mean, mean, prior, True, p)
@@ -147,7 +147,7 @@ def outlying(agreement: Agreement) -> list[int]:
         weight = 1.0 / (sd**2 + between)
         mean = weight @ values / weight.sum()
         spread = np.sqrt(agreement.sd[i] ** 2 + 1.0 / weight.sum() + between)
-        p = 2.0 * stats.t.sf(
+        p = 2.0 * scipy.stats.t.sf(
             abs(agreement.values[i] - mean) / spread, len(others) - 1 if between > 0 else np.inf
         )
         if p < DIFFER / len(here):

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import SURE, Identified
@@ -157,7 +157,7 @@ def _possible(J: np.ndarray) -> np.ndarray | None:
     low, high = float(max(J[0, 0], J[1, 1])), float(J[2, 2])
     if spare(high) >= 0.0 or spare(low) < 0.0:
         return None
-    out[2, 2] = _rounded(brentq(spare, low, high))
+    out[2, 2] = _rounded(scipy.optimize.brentq(spare, low, high))
     return out
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import approx_fprime
+import scipy
 
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import Estimate, Layout, estimate, parameters
@@ -85,7 +85,7 @@ class Identification:
             own = q.of(self.estimate.layout.values(z), self.basis)
             return float(np.log(own)) if q.positive else own
 
-        return value(z), approx_fprime(z, value, STEP)
+        return value(z), scipy.optimize.approx_fprime(z, value, STEP)
 
     def __getitem__(self, name: str) -> Identified:
         """Return what is told of a quantity by its name."""

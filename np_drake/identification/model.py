@@ -4,7 +4,7 @@ import dataclasses as dc
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from np_drake import attitude
 from np_drake.compiled import compiled
@@ -165,7 +165,7 @@ class FlightModel:
         self._fine = np.append(grid.t, grid.t[-1] + grid.step) - flight.t[0]  # (k,) [s]
         self._euler = euler_of_moments(flight.spread)
         # Body rates at a time [rad/s].
-        self._rates = CubicSpline(self._time, flight.smooth[flight.edges])
+        self._rates = scipy.interpolate.CubicSpline(self._time, flight.smooth[flight.edges])
         # The two last are kept, for finite differences move one parameter at a time.
         keep = lru_cache(maxsize=2)
         self._lever, self._rotors = keep(self._make_lever), keep(self._make_rotors)
@@ -215,7 +215,7 @@ class FlightModel:
         difference = np.concatenate([np.zeros((1, 3)), np.cumsum(missed, axis=0)])
         likely = most_likely(difference, white_noise([difference]), s.step)
         rates = np.concatenate([np.zeros((1, 3)), np.cumsum(s.alpha * length, axis=0)])
-        self._rates = CubicSpline(self._time, rates - difference + likely)
+        self._rates = scipy.interpolate.CubicSpline(self._time, rates - difference + likely)
         self._lever.cache_clear()
 
     def gains(self, v: Values) -> np.ndarray:

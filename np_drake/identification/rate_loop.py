@@ -6,8 +6,7 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.signal import cont2discrete, lfilter, ss2tf, step
+import scipy
 
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle.vehicle import LOOP_GAINS, SLOWEST
@@ -118,7 +117,9 @@ def _fit(blocks: Sequence[_Block], *starts: np.ndarray) -> tuple[np.ndarray, flo
 
     low, high = np.log(BOUNDS).T
     found = [
-        least_squares(lambda z: at(z)[0], np.clip(z, low + 1e-6, high - 1e-6), bounds=(low, high))
+        scipy.optimize.least_squares(
+            lambda z: at(z)[0], np.clip(z, low + 1e-6, high - 1e-6), bounds=(low, high)
+        )
         for z in starts
     ]
     best = min(found, key=lambda one: one.cost)
@@ -132,17 +133,19 @@ def _response(block: _Block, z: np.ndarray) -> np.ndarray:
     frequency, damping, delay = np.exp(z)
     a = np.array([[0.0, 1.0], [-(frequency**2), -2 * damping * frequency]])
     b, c = np.array([[0.0], [frequency**2]]), np.array([[1.0, 0.0]])
-    top, bottom = ss2tf(*cont2discrete((a, b, c, np.zeros((1, 1))), block.step)[:4])
+    top, bottom = scipy.signal.ss2tf(
+        *scipy.signal.cont2discrete((a, b, c, np.zeros((1, 1))), block.step)[:4]
+    )
     whole, part = divmod(delay / block.step, 1.0)
     n, first = len(block.rate), block.command[0]
     command = np.concatenate([np.full(int(whole) + 1, first), block.command])[: n + 1]
     acting = part * command[:-1] + (1 - part) * command[1:]
-    return first + lfilter(top[0], bottom, acting - first)
+    return first + scipy.signal.lfilter(top[0], bottom, acting - first)
 
 
 def _rise(z: np.ndarray) -> float:
     """Return the time after a step of the command at which the loop has followed 63 % of it [s]."""
     frequency, damping, delay = np.exp(z)
     t = np.linspace(0.0, 20 * max(1.0, damping) / frequency, 4000)
-    y = step(([frequency**2], [1.0, 2 * damping * frequency, frequency**2]), T=t)[1]
+    y = scipy.signal.step(([frequency**2], [1.0, 2 * damping * frequency, frequency**2]), T=t)[1]
     return float(delay + np.interp(1 - np.exp(-1), np.maximum.accumulate(y), t))

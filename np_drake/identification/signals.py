@@ -8,7 +8,7 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
@@ -217,7 +217,7 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     logged = log.throttle if drive == "throttle" else source
     # Which rows (n,) of readings (n, c) stand out of their neighbours, which a step does not.
     values = np.concatenate([logged, log.w], axis=1)
-    apart = np.abs(values - ndimage.median_filter(values, size=(7, 1), mode="nearest"))
+    apart = np.abs(values - scipy.ndimage.median_filter(values, size=(7, 1), mode="nearest"))
     usual = np.median(apart, axis=0) / 0.6745
     # Readings that mostly repeat have no usual deviation: that of those that do not.
     moving = np.array([np.median(a[a > 0]) / 0.6745 if (a > 0).any() else np.inf for a in apart.T])

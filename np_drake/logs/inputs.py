@@ -4,7 +4,7 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import GRAVITY
@@ -199,7 +199,9 @@ def _lifted(log: FlightLog, gravity: float, volts: float | None = None) -> _Lift
 def _fitted_exponent(flights: Sequence[_Lifted]) -> float:
     """Return the most likely exponent of all flights together [1]."""
     return float(
-        optimize.minimize_scalar(lambda p: _loss(flights, p), bounds=EXPONENTS, method="bounded").x
+        scipy.optimize.minimize_scalar(
+            lambda p: _loss(flights, p), bounds=EXPONENTS, method="bounded"
+        ).x
     )
 
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
@@ -116,7 +116,7 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
         if correlation.sum() > best[0].sum():
             best = correlation, size / own
     # White noise has in the band the power that an impulse of its size has.
-    impulse = np.outer(signal.unit_impulse(len(log), "mid"), white_noise([log.w]))
+    impulse = np.outer(scipy.signal.unit_impulse(len(log), "mid"), white_noise([log.w]))
     noise, _ = _in_band(dc.replace(log, w=impulse), vehicle, log.u[:, 1:], ())
     excited = np.mean(turn**2, axis=0) > 2 * np.sum(noise**2, axis=0)
     return np.where(excited, best[0], np.nan), best[1]
@@ -146,10 +146,10 @@ def _in_band(
     t = np.arange(log.t[0], log.t[-1], step)
     w, even = Signal(log.t, log.w).linear(t), Signal(log.t, columns)
     turn = np.gradient(w, step, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
-    sos = signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
+    sos = scipy.signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
     inside = slice(round(0.5 / step), -round(0.5 / step))  # off the filter's ends
     filtered = [
-        signal.sosfiltfilt(sos, x, axis=0)[inside]
+        scipy.signal.sosfiltfilt(sos, x, axis=0)[inside]
         for x in (turn, *(even.linear(t - d) for d in delays))
     ]
     return filtered[0], filtered[1:]

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from scipy.integrate import quad
+import scipy
 
 from np_drake.compiled import compiled
 from np_drake.references.ramp import compose, ramped_phase
@@ -37,7 +37,7 @@ class HarmonicTrack:
         def arc(phase: float) -> float:
             return float(np.linalg.norm(self.path(np.array([phase]))[1, 0]))
 
-        return float(quad(arc, 0.0, 2 * np.pi, limit=200)[0])
+        return float(scipy.integrate.quad(arc, 0.0, 2 * np.pi, limit=200)[0])
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""

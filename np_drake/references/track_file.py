@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
+import scipy
 
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
@@ -116,7 +116,7 @@ def _at_rest(
 
 def _along(
     t: np.ndarray, p: np.ndarray, rests_before: bool, rests_after: bool, *, within: float
-) -> BSpline:
+) -> "scipy.interpolate.BSpline":
     """Return the spline of the fewest knots whose distance from every row is `within` so much
     [m].
     """
@@ -132,18 +132,20 @@ def _along(
                 return spline
         stride //= 2
     times, rows = _padded(t, p, rests)
-    return make_interp_spline(times, rows, k=DEGREE)
+    return scipy.interpolate.make_interp_spline(times, rows, k=DEGREE)
 
 
-def _fit(t: np.ndarray, p: np.ndarray, knots: np.ndarray) -> BSpline:
+def _fit(t: np.ndarray, p: np.ndarray, knots: np.ndarray) -> "scipy.interpolate.BSpline":
     """Return the spline of least squares; a second pass takes the round-off of the normal equations
     out.
     """
     knots = np.concatenate([np.full(LEAST_ROWS, t[0]), knots, np.full(LEAST_ROWS, t[-1])])
-    spline = make_lsq_spline(
+    spline = scipy.interpolate.make_lsq_spline(
         t, p, knots, k=DEGREE, method="norm-eq"
     )  # "qr" takes the square of the rows
-    spline.c += make_lsq_spline(t, p - spline(t), knots, k=DEGREE, method="norm-eq").c
+    spline.c += scipy.interpolate.make_lsq_spline(
+        t, p - spline(t), knots, k=DEGREE, method="norm-eq"
+    ).c
     return spline
 
 

@@ -5,7 +5,7 @@ square; and how near it comes to them.
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
+import scipy
 
 from np_drake.references.ramp import compose, ramped_phase, rest_to_rest
 
@@ -25,7 +25,7 @@ class Spline:
 
     def __init__(self, points: np.ndarray, times: np.ndarray):
         rest = [(order, np.zeros(3)) for order in (1, 2, 3)]
-        self.curve = make_interp_spline(times, points, k=7, bc_type=(rest, rest))
+        self.curve = scipy.interpolate.make_interp_spline(times, points, k=7, bc_type=(rest, rest))
         self._start, self._end = float(times[0]), float(times[-1])
 
     def sample(self, t: np.ndarray) -> np.ndarray:
@@ -162,7 +162,9 @@ class Waypoints:
             self._spline = _periodic(through, gaps)
         else:
             free = [(3, np.zeros(3)), (4, np.zeros(3))]  # natural ends
-            self._spline = make_interp_spline(_times(gaps), through, k=DEGREE, bc_type=(free, free))
+            self._spline = scipy.interpolate.make_interp_spline(
+                _times(gaps), through, k=DEGREE, bc_type=(free, free)
+            )
         self._speed = speed / self._stretch()
         self.lap = self._length / self._speed
         self.lead = min(ramp, self.lap)
@@ -211,7 +213,7 @@ def _graded(points: np.ndarray, closed: bool) -> np.ndarray:
         points = np.insert(points, long + 1, 0.5 * (points[long] + points[long + 1]), axis=0)
 
 
-def _periodic(points: np.ndarray, gaps: np.ndarray) -> BSpline:
+def _periodic(points: np.ndarray, gaps: np.ndarray) -> "scipy.interpolate.BSpline":
     """Return the periodic spline through points.
 
     Args:
@@ -220,7 +222,9 @@ def _periodic(points: np.ndarray, gaps: np.ndarray) -> BSpline:
     """
     laps = -(-2 * DEGREE // len(gaps))  # of points, so that there are enough for a periodic spline
     rows = np.concatenate([np.tile(points[:-1], (laps, 1)), points[:1]])
-    return make_interp_spline(_times(np.tile(gaps, laps)), rows, k=DEGREE, bc_type="periodic")
+    return scipy.interpolate.make_interp_spline(
+        _times(np.tile(gaps, laps)), rows, k=DEGREE, bc_type="periodic"
+    )
 
 
 ACCELERATION = 3.0  # largest of a move between two stops [m/s²]; own choice: 17 degrees of tilt

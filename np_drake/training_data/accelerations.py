@@ -5,7 +5,7 @@ a model's step.
 import dataclasses as dc
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from np_drake import attitude
 from np_drake.checks import require
@@ -65,8 +65,8 @@ def smoothed(value: np.ndarray, t: np.ndarray, bandwidth: float) -> np.ndarray:
     nyquist = 0.5 / float(np.median(np.diff(t)))
     if bandwidth >= nyquist:
         return value
-    sos = signal.butter(2, bandwidth / nyquist, output="sos")
-    return signal.sosfiltfilt(sos, value, axis=0, padlen=min(len(value) - 1, 15))
+    sos = scipy.signal.butter(2, bandwidth / nyquist, output="sos")
+    return scipy.signal.sosfiltfilt(sos, value, axis=0, padlen=min(len(value) - 1, 15))
 
 
 def lift_over_weight(t: np.ndarray, v: np.ndarray, q: np.ndarray, gravity: float) -> np.ndarray:

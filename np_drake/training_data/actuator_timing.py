@@ -6,7 +6,7 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from np_drake import attitude
 from np_drake.command_delay import believed_before
@@ -88,7 +88,7 @@ def _best_lag(sought: Sequence[tuple[FlightLog, Vehicle]]) -> tuple[float, float
     restlessness.
     """
     longest = LONGEST_LAG * max(1.0, *(ratios(v).clock for _, v in sought))
-    best = minimize_scalar(
+    best = scipy.optimize.minimize_scalar(
         lambda lag: _restlessness(sought, lag),
         bounds=(0.0, longest),
         method="bounded",

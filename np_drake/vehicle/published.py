@@ -14,9 +14,9 @@ about its axis; a figure that is not published is empty.
 import dataclasses as dc
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from np_drake.vehicle.vehicle import AIR, GRAVITY, PRESETS
 
@@ -63,6 +63,8 @@ class DimensionlessPriors:
 @cache
 def published_priors() -> DimensionlessPriors:
     """Return mean and standard deviation of the logarithms over all vehicles that tell a number."""
+    import pandas as pd
+
     spreads = {}
     for name, column in dimensionless(pd.read_csv(FILE)).items():
         logs = np.log(column.dropna().to_numpy())
@@ -70,23 +72,21 @@ def published_priors() -> DimensionlessPriors:
     return DimensionlessPriors(**spreads)
 
 
-def dimensionless(v: pd.DataFrame) -> pd.DataFrame:
-    """Return the numbers of `DimensionlessPriors` of vehicles, a column each; NaN where one is not
+def dimensionless(v: Any) -> dict[str, Any]:
+    """Return the numbers of `DimensionlessPriors` of vehicles in a table; NaN where one is not
     published.
     """
     unit, radius = 1 / v["mass"], 1 / v["rotor_radius"]
     arm = 1 / v["arm"]
     factor = (2 * math.pi) ** 2 / AIR / 16
-    return pd.DataFrame(
-        {
-            "thrust_to_weight": 4 * v["max_rotor_thrust"] * (1 / GRAVITY) * unit,
-            "inertia": v["inertia_xx"] * unit * arm * arm,
-            "inertia_pitch": v["inertia_yy"] * (1 / v["inertia_xx"]),
-            "inertia_yaw": v["inertia_zz"] * (1 / (v["inertia_xx"] + v["inertia_yy"])),
-            "torque_lever": v["torque_over_thrust"] * radius,
-            "thrust_number": v["thrust_coefficient"] * factor * radius * radius * radius * radius,
-            "time_constant": v["time_constant_up"],
-            "time_constant_down": v["time_constant_down"] * (1 / v["time_constant_up"]),
-            "rotor_inertia": v["rotor_inertia"] * unit * arm * arm,
-        }
-    )
+    return {
+        "thrust_to_weight": 4 * v["max_rotor_thrust"] * (1 / GRAVITY) * unit,
+        "inertia": v["inertia_xx"] * unit * arm * arm,
+        "inertia_pitch": v["inertia_yy"] * (1 / v["inertia_xx"]),
+        "inertia_yaw": v["inertia_zz"] * (1 / (v["inertia_xx"] + v["inertia_yy"])),
+        "torque_lever": v["torque_over_thrust"] * radius,
+        "thrust_number": v["thrust_coefficient"] * factor * radius * radius * radius * radius,
+        "time_constant": v["time_constant_up"],
+        "time_constant_down": v["time_constant_down"] * (1 / v["time_constant_up"]),
+        "rotor_inertia": v["rotor_inertia"] * unit * arm * arm,
+    }

@@ -26,7 +26,9 @@ def in_this_process(monkeypatch):
 
 
 class ReplayPage:
-    """Page of a replay: `film` by object and property, `numbers` of the read-outs, `objects`."""
+    """Page of a replay: `film` by object and property, `numbers` of the read-outs, `objects`,
+    `properties`.
+    """
 
     def __init__(self, path: Path):
         self.text, self.film = path.read_text(), {}
@@ -37,6 +39,9 @@ class ReplayPage:
         ]
         self.objects = {
             c["path"].removeprefix("/drake/") for c in commands if c["type"] == "set_object"
+        }
+        self.properties = {
+            (c["path"], c["property"]): c["value"] for c in commands if c["type"] == "set_property"
         }
         for animated in (
             a for c in commands if c["type"] == "set_animation" for a in c["animations"]

@@ -19,14 +19,17 @@ import pytest
 from diagrams.cli.app import PROGRAM
 from diagrams.cli.main import run
 from np_drake import attitude
+from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.format import Stream
 from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle.estimate import Measured, estimate
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
-SLOW = ("autopilot.md", "clusters.md", "corrected-simulator.md", "import.md")  # by night
+SLOW = ("autopilot.md", "clusters.md", "corrected-simulator.md")  # by night
 PAGES = [
     pytest.param(page, id=page.name, marks=[pytest.mark.nightly] if page.name in SLOW else [])
     for page in sorted(GUIDE.glob("*.md"))
@@ -34,7 +37,11 @@ PAGES = [
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
 TOLD = {  # page: folder of a report, parameter of a cause, its true value and what it may be off by
     "diagnose.md": [("report", "scale", 0.92, 0.02), ("report", "d_x", 0.3, 0.05)],
-    "import.md": [("px4_report", "d_x", 0.3, 0.05), ("crazyflie_report", "d_x", 0.006, 0.001)],
+    "log-to-simulator.md": [
+        ("px4_report", "d_x", 0.3, 0.05),
+        ("bf_report", "efficiency", 0.7 / 0.925, 0.05),  # of the mean rotor, which lifts the weight
+        ("crazyflie_report", "d_x", 0.006, 0.001),
+    ],
     "corrected-simulator.md": [("report", "d_x", 0.006, 0.001)],
 }
 FEWEST, MOST = 200, 720  # words of a page, code included: five minutes
@@ -43,6 +50,7 @@ TO_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 Q_NED = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
 Q_FRD = np.array([0.0, 1.0, 0.0, 0.0])
 FRD = np.array([1.0, -1.0, -1.0])
+FIVE_INCH = estimate(Measured(0.6, 0.22, 0.127, 0.3, "quadratic", "betaflight"), "five_inch")
 CRAZYFLIE = load_vehicle("crazyflie_brushless").with_mass(0.0397)
 
 
@@ -83,8 +91,8 @@ def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
     assert FEWEST <= len(page.read_text().split()) <= MOST
     assert f"(guide/{page.name})" in (GUIDE.parent / "index.md").read_text()
     monkeypatch.chdir(tmp_path)
-    if page.name in ("import.md", "corrected-simulator.md"):
-        fill(tmp_path, px4=page.name == "import.md")
+    if card := CARDS.get(page.name):
+        fill(tmp_path, card)
     run_page(page)
     for folder, name, true, tolerance in TOLD.get(page.name, []):
         assert abs(diagnosed(folder)["values"][name] - true) < tolerance
@@ -97,7 +105,7 @@ def test_the_page_on_memory_cards_runs_on_real_ones(real_flights, tmp_path, monk
     monkeypatch.chdir(tmp_path)
     for number, name in enumerate(("eckart06", "eckart07", "eckart08"), 1):
         shutil.copy(real_flights / "imrc" / "payload" / name, tmp_path / f"card0{number}")
-    run_page(GUIDE / "import.md", "Crazyflie")
+    run_page(GUIDE / "log-to-simulator.md", "Crazyflie")
     assert "suspended_payload" in diagnosed("crazyflie_report")["verdict"]
 
 
@@ -109,10 +117,9 @@ def script(name: str) -> dict[str, Any]:
     return runpy.run_path(str(Path(__file__).parents[1] / "np_drake" / name))
 
 
-def flown(seed: int, vehicle: Vehicle, drag: float) -> FlightLog:
-    """Return a flight under drag [N·s/m], with noise."""
+def flown(seed: int, vehicle: Vehicle, effect: Effect) -> FlightLog:
+    """Return a flight under an effect, with noise."""
     fly = script("diagnosis/simulated_flights.py")["fly"]
-    effect = LinearDrag(drag, drag, drag)
     log: FlightLog = fly(effect, seed=seed, seconds=9.0, noise=1.0, vehicle=vehicle)
     return log
 
@@ -130,7 +137,7 @@ def specific_force(log: FlightLog) -> np.ndarray:
 
 def write_px4(path: Path, seed: int) -> None:
     """Write a PX4 log: NED and FRD, normalised collective thrust, no torque."""
-    log, vehicle = flown(seed, Vehicle(), 0.3), Vehicle()
+    log, vehicle = flown(seed, Vehicle(), LinearDrag(0.3, 0.3, 0.3)), Vehicle()
     ones = np.ones((len(log), 1))
     q = attitude.multiply(attitude.multiply(ones * Q_NED, log.q), ones * Q_FRD)
     throttle = HOVER * np.maximum(log.u[:, 0] / (vehicle.mass * vehicle.gravity), 0.0) ** (1 / 1.5)
@@ -151,7 +158,7 @@ def write_px4(path: Path, seed: int) -> None:
 
 def write_crazyflie(path: Path, seed: int) -> None:
     """Write a Crazyflie micro-SD log: degrees, g, rotor speed in rpm, one event."""
-    log = flown(seed, CRAZYFLIE, 0.006)
+    log = flown(seed, CRAZYFLIE, LinearDrag(0.006, 0.006, 0.006))
     speed = np.sqrt(np.maximum(log.u @ CRAZYFLIE.unmixer.T, 0.0) / CRAZYFLIE.thrust_coefficient)
     content = columns(
         " ".join(f"stateEstimate.{name}" for name in ("x", "y", "z", "vx", "vy", "vz")),
@@ -165,9 +172,37 @@ def write_crazyflie(path: Path, seed: int) -> None:
     write(path, {"fixedFrequency": Stream(3.0 + log.t, content)})
 
 
-def fill(folder: Path, px4: bool = True) -> None:
+def write_betaflight(path: Path, seed: int) -> None:
+    """Write a Betaflight log of a vehicle with a weak rotor: no position, electrical rpm of motors
+    with 14 poles.
+    """
+    log, vehicle = flown(seed, FIVE_INCH, WeakRotor(2, 0.7)), FIVE_INCH
+    speed = np.sqrt(np.maximum(log.u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
+    throttle = speed * np.sqrt(vehicle.thrust_coefficient / vehicle.max_rotor_thrust)
+    q = log.q * np.where(log.q[:, :1] < 0, -1, 1)
+    parts = {
+        "gyroADC": 10 * np.degrees(log.w),
+        "accSmooth": 2048 * specific_force(log) / 9.80665,
+        "imuQuaternion": 32767 * q[:, 1:],
+        "motor": 158 + (2047 - 158) * np.clip(throttle, 0.0, 1.0),
+        "eRPM": 7 * speed * 60 / (2 * np.pi) / 100,
+    }
+    content = {f"{name}[{i}]": v for name, values in parts.items() for i, v in enumerate(values.T)}
+    writer = script("logs/formats/blackbox_writer.py")
+    fine = {"blackbox_high_resolution": "1"}
+    writer["write"](path, writer["main_log"](content, step=10_000, settings=fine))
+
+
+WRITERS = {"px4_{}.ulg": write_px4, "bf_{}.bbl": write_betaflight, "card0{}": write_crazyflie}
+CARDS = {  # page: names of what it reads from memory cards
+    "import.md": ["px4_{}.ulg"],
+    "corrected-simulator.md": ["card0{}"],
+    "log-to-simulator.md": list(WRITERS),
+}
+
+
+def fill(folder: Path, names: list[str]) -> None:
     """Write what a page of the guide reads from memory cards."""
-    for number in (1, 2, 3):
-        if px4:
-            write_px4(folder / f"px4_{number}.ulg", number)
-        write_crazyflie(folder / f"card0{number}", number)
+    for name in names:
+        for number in (1, 2, 3):
+            WRITERS[name](folder / name.format(number), number)

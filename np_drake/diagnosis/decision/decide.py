@@ -9,7 +9,7 @@ import dataclasses as dc
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-from scipy import special
+import scipy
 
 from np_drake import attitude
 from np_drake.diagnosis.calibration import healthy_spread
@@ -104,7 +104,7 @@ def judge(
     # 1. In the model: the share of evidence, times the odds against generic structure.
     named = sum(ranking.probability.get(name, 0.0) for name in (effect.identifier, *same))
     brought = priors.generic - priors.of_effect(DRAG) if through_drag else 0.0
-    in_model = min(1.0, named) * float(special.expit(margins[i] + brought))
+    in_model = min(1.0, named) * float(scipy.special.expit(margins[i] + brought))
 
     # 2. Material: the size is outside the region of practical equivalence.
     unseen = [(e, held.terms[e.name]) for e in held.flights]

@@ -10,7 +10,7 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import linalg, special
+import scipy
 
 from np_drake.diagnosis.calibration import errors_of, of_flight, of_vehicle, vehicle_columns
 from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, read, scaled_jacobian
@@ -80,8 +80,8 @@ def _fitted(gram: np.ndarray) -> tuple[float, float]:
     """Return the least squared misfit y'y - b'A^-1 b and log det A of a Gram matrix with its
     prior.
     """
-    factor = linalg.cholesky(gram[:-1, :-1], lower=True, check_finite=False)
-    b = linalg.solve_triangular(factor, gram[:-1, -1], lower=True, check_finite=False)
+    factor = scipy.linalg.cholesky(gram[:-1, :-1], lower=True, check_finite=False)
+    b = scipy.linalg.solve_triangular(factor, gram[:-1, -1], lower=True, check_finite=False)
     return float(gram[-1, -1] - b @ b), float(2.0 * np.log(np.diag(factor)).sum())
 
 
@@ -122,7 +122,7 @@ class Support:
         another [1].
         """
         gain, others = self.total - LEAST, float(self.gains.sum()) + LEAST
-        return float(special.ndtr(min(gain, others) / np.hypot(self.error, LEAST)))
+        return float(scipy.special.ndtr(min(gain, others) / np.hypot(self.error, LEAST)))
 
     @property
     def contradicted(self) -> bool:

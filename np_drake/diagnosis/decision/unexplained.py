@@ -16,8 +16,7 @@ from operator import add
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage, signal, special
-from scipy.integrate import cumulative_trapezoid
+import scipy
 
 from np_drake.diagnosis.fitting import BLOCK, prior_whitening, scaled_jacobian
 from np_drake.diagnosis.forward_model import predicted_residual, with_dependants
@@ -159,7 +158,7 @@ def strongest_line(
     power = np.zeros((size // 2 + 1, 6))
     for e in flights:
         y = residual[e.name][:, WRENCH] - residual[e.name][:, WRENCH].mean(axis=0)
-        window = signal.windows.hann(len(y))[:, None]
+        window = scipy.signal.windows.hann(len(y))[:, None]
         power += (
             np.abs(np.fft.rfft(y * window, size, axis=0)) ** 2 / np.sum(window**2) / len(flights)
         )
@@ -172,7 +171,7 @@ def strongest_line(
     floor = np.stack([np.median(power[a:b], axis=0) for a, b in zip(first, last, strict=True)])
     inside = (frequency > LOWEST) & (frequency < min(HIGHEST, 0.4 * rate))
     ratio = np.where(inside[:, None], power / np.maximum(floor, 1e-300), 0.0)
-    rms = np.sqrt(2 * ndimage.convolve1d(power, np.ones(5), axis=0, mode="constant") / size)
+    rms = np.sqrt(2 * scipy.ndimage.convolve1d(power, np.ones(5), axis=0, mode="constant") / size)
     matters = ratio * (rms >= least)
     k, channel = np.unravel_index(np.argmax(matters if matters.any() else ratio), ratio.shape)
     return Line(int(channel), float(frequency[k]), float(ratio[k, channel]), float(rms[k, channel]))
@@ -230,7 +229,7 @@ def squared_position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.nda
     window = window[rows[window].all(axis=1)]
 
     def integrated(rate: np.ndarray) -> np.ndarray:
-        return cumulative_trapezoid(rate, dx=step, axis=1, initial=0.0)
+        return scipy.integrate.cumulative_trapezoid(rate, dx=step, axis=1, initial=0.0)
 
     turning = np.einsum("mij,mj->mi", e.R_WB, wrench[:, TORQUE] @ np.linalg.inv(e.vehicle.J).T)
     tilt = integrated(integrated(turning[window]))
@@ -333,7 +332,7 @@ def _indication(
     """Return structure g beside the best model and the rest of `structure`."""
     flights, candidate = linear.flights, linear.structure[g]
     rest = tuple(k for k in structure if k != g)
-    there = float(special.expit(linear.evidence((), structure) - linear.evidence((), rest)))
+    there = float(scipy.special.expit(linear.evidence((), structure) - linear.evidence((), rest)))
     parts = [linear.part(structure, g, e)[:, WRENCH] for e in flights]
     part = np.concatenate(parts)
     force, torque = (
@@ -555,5 +554,5 @@ def _noise_of(noise: NoiseModel, rows: int, rng: np.random.Generator) -> np.ndar
     white = rng.normal(size=(len(active), rows + memory))
     driven = np.linalg.solve(noise.mixing[np.ix_(active, active)], white)
     for k, c in enumerate(active):
-        out[:, c] = signal.lfilter([1.0], [1.0, *-noise.phi[c]], driven[k])[memory:]
+        out[:, c] = scipy.signal.lfilter([1.0], [1.0, *-noise.phi[c]], driven[k])[memory:]
     return out

@@ -9,8 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 
 import numpy as np
-from scipy import signal
-from scipy.cluster.vq import kmeans2
+import scipy
 
 from np_drake import attitude
 from np_drake.diagnosis.options import Priors
@@ -267,7 +266,7 @@ def _place(states: dict[str, FlightState]) -> Pushes:
     p = np.concatenate([s.p for s in states.values()])
     width = 0.8 * float(np.sqrt(np.mean(p.var(axis=0)))) + 0.05
     pick = p[np.linspace(0, len(p) - 1, 40 * CENTRES).astype(int)]
-    centres, _ = kmeans2(pick, CENTRES, seed=1, minit="++")
+    centres, _ = scipy.cluster.vq.kmeans2(pick, CENTRES, seed=1, minit="++")
 
     def pushes(s: FlightState) -> np.ndarray:
         bells = np.exp(-0.5 * np.sum((s.p[:, None] - centres) ** 2, axis=2) / width**2)
@@ -282,7 +281,7 @@ def _place(states: dict[str, FlightState]) -> Pushes:
 @lru_cache(maxsize=32)
 def _oscillator(omega: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return numerator and denominator of w² / (s² + 2 z w s + w²), discretised at `step` [s]."""
-    b, a, _ = signal.cont2discrete(
+    b, a, _ = scipy.signal.cont2discrete(
         ([omega**2], [1.0, 2 * DAMPING * omega, omega**2]), step, method="bilinear"
     )
     return b.ravel(), a
@@ -300,8 +299,8 @@ def _resonance(frequency: float) -> Pushes:
     def pushes(s: FlightState) -> np.ndarray:
         b, a = _oscillator(omega, s.step)
         drive = s.R[:, :, 2] * (s.u[:, :1] / s.weight * s.gravity)
-        answer = signal.lfilter(b, a, (drive - drive.mean(axis=0)) / 2.0, axis=0)
-        lagged = signal.lfilter([1.0 / s.step, -1.0 / s.step], [1.0], answer, axis=0) / omega
+        answer = scipy.signal.lfilter(b, a, (drive - drive.mean(axis=0)) / 2.0, axis=0)
+        lagged = scipy.signal.lfilter([1.0 / s.step, -1.0 / s.step], [1.0], answer, axis=0) / omega
         pair = 2 * DAMPING * (np.swapaxes(s.R, 1, 2) @ np.stack([answer, lagged], axis=2))
         parts = [_each(pair[:, i], [i]) for i in range(3)]
         parts += [_each(pair[:, 0], [4]), _each(pair[:, 1], [3])]
@@ -321,10 +320,10 @@ def _twist(frequency: float, priors: Priors) -> Pushes:
 
     def pushes(s: FlightState) -> np.ndarray:
         b, a = _oscillator(omega, s.step)
-        rest = signal.lfilter_zi(b, a)[:, None]
+        rest = scipy.signal.lfilter_zi(b, a)[:, None]
 
         def behind(drive: np.ndarray) -> np.ndarray:
-            return signal.lfilter(b, a, drive, axis=0, zi=rest * drive[:1])[0]
+            return scipy.signal.lfilter(b, a, drive, axis=0, zi=rest * drive[:1])[0]
 
         once = behind(
             priors.twist_torque * s.u[:, 1:] / (priors.generic_size * s.weight * s.torque_unit)

@@ -10,7 +10,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy import special
+import scipy
 
 from np_drake.diagnosis.forward_model import Stages, Term, predicted_residual
 from np_drake.diagnosis.numerics import fit_noise
@@ -170,7 +170,7 @@ def _not_negative(
     Source: own choice: each axis by itself.
     """
     away, spread = root @ mean, np.sqrt(np.diag(root @ covariance @ root.T))
-    log_probability = special.log_ndtr(away / spread)[one_sided].sum()
+    log_probability = scipy.special.log_ndtr(away / spread)[one_sided].sum()
     return np.linalg.solve(root, np.where(one_sided, np.maximum(away, 0.0), away)), float(
         log_probability
     )

@@ -7,11 +7,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.result import Diagnosis, Regime, ReplayGap
-from np_drake.files.figure_file import PALETTE, new_figure
+from np_drake.files.figure_file import PALETTE, Figure, new_figure
 from np_drake.files.file_access import require_writable, write_json
 from np_drake.files.page import Section, write_page
 

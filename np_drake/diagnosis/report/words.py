@@ -25,6 +25,7 @@ from np_drake.files.number_text import (
     NOTHING,
     departure_unit,
     fixed,
+    grouped,
     measure,
     number,
     of_at_least,
@@ -33,7 +34,6 @@ from np_drake.files.number_text import (
     suited,
     with_unit,
 )
-from np_drake.files.number_text import UNITS as UNITS
 
 
 def name_of(identifier: str) -> str:
@@ -416,13 +416,12 @@ def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], lis
 
 
 def warnings(diagnosis: Diagnosis) -> list[str]:
-    """Return every warning once; what holds of several flights names them in one line."""
-    flights_of: dict[str, list[str]] = {}
-    for warning in dict.fromkeys((*diagnosis.identifiability.warnings, *diagnosis.warnings)):
-        name, _, text = warning.partition(": ")
-        known = name in diagnosis.train + diagnosis.held_out
-        flights_of.setdefault(text if known else warning, []).extend([name] if known else [])
-    return [f"{', '.join(names)}: {text}" if names else text for text, names in flights_of.items()]
+    """Return every warning once, but for what is said before the answer; what holds of several
+    flights names them in one line.
+    """
+    every = (*diagnosis.identifiability.warnings, *diagnosis.warnings)
+    lines = grouped(every, diagnosis.train + diagnosis.held_out)
+    return [line for line in lines if line.rstrip(".") not in diagnosis.doubts]
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import ndimage, signal, sparse
 
 STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
 # Rows of the flights of a fit above which its grid is coarser, for time, up to a step that still
@@ -79,7 +79,7 @@ class Resampler:
         weights: (fine rows, n) of the values in every row of the fine grid.
     """
 
-    def __init__(self, grid: Grid, weights: sparse.csr_array):
+    def __init__(self, grid: Grid, weights: "scipy.sparse.csr_array"):
         self._factor, self._weights = grid.factor, weights
 
     @classmethod
@@ -95,7 +95,7 @@ class Resampler:
         entries = np.stack([1.0 - share, share], axis=1), np.stack([after - 1, after], axis=1)
         ends = 2 * np.arange(len(grid.fine) + 1)
         return cls(
-            grid, sparse.csr_array((*map(np.ravel, entries), ends), (len(grid.fine), len(t)))
+            grid, scipy.sparse.csr_array((*map(np.ravel, entries), ends), (len(grid.fine), len(t)))
         )
 
     @classmethod
@@ -116,7 +116,9 @@ class Resampler:
         both = (cell >= 0) & (cell < len(grid.fine)) & (interval >= 0) & (interval < len(t) - 1)
         cell, interval, length = cell[both], interval[both], length[both]
         share = length / np.bincount(cell, length)[cell]
-        return cls(grid, sparse.csr_array((share, (cell, interval)), (len(grid.fine), len(t) - 1)))
+        return cls(
+            grid, scipy.sparse.csr_array((share, (cell, interval)), (len(grid.fine), len(t) - 1))
+        )
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Return values (n, ...) resampled to the grid (m, ...)."""
@@ -133,7 +135,7 @@ class Resampler:
 @cache
 def _low_pass(factor: int) -> np.ndarray:
     """Return the taps of the low-pass; cached, because design costs more than application."""
-    return signal.firwin(2 * TAPS * factor + 1, 0.8 / factor)
+    return scipy.signal.firwin(2 * TAPS * factor + 1, 0.8 / factor)
 
 
 SPIKE = 12.0  # robust deviations from a running median [1]; own choice
@@ -166,7 +168,7 @@ def find_outliers(
     size = 2 * max(1, round(0.5 * WINDOW / step)) + 1
     if len(residual) < 2 * size:
         return np.zeros(len(residual), bool)
-    spiky = np.abs(residual - ndimage.median_filter(residual, (size, 1), mode="reflect"))
+    spiky = np.abs(residual - scipy.ndimage.median_filter(residual, (size, 1), mode="reflect"))
     usual = 1.4826 * np.median(spiky, axis=0)
     found = np.any(spiky > SPIKE * np.maximum(usual, 1e-9), axis=1)
     found = _short(found, max(2, round(longest / step)))
@@ -177,7 +179,7 @@ def find_outliers(
 
 def _short(found: np.ndarray, longest: int) -> np.ndarray:
     """Return `found` (m,) with only its runs of up to `longest` rows."""
-    return found & ~ndimage.binary_opening(found, np.ones(longest + 1))
+    return found & ~scipy.ndimage.binary_opening(found, np.ones(longest + 1))
 
 
 def bridge(values: np.ndarray, outliers: np.ndarray) -> np.ndarray:

@@ -7,8 +7,7 @@ import dataclasses as dc
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg, signal
-from scipy.integrate import cumulative_trapezoid
+import scipy
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
@@ -98,8 +97,8 @@ def low_pass(values: np.ndarray, step: float, band: float, pad: float = 2.0) -> 
     """
     if band >= 0.45 / step or len(values) < 20:
         return values
-    sos = signal.butter(2, band * 2 * step, output="sos")
-    return signal.sosfiltfilt(
+    sos = scipy.signal.butter(2, band * 2 * step, output="sos")
+    return scipy.signal.sosfiltfilt(
         sos, values, axis=0, padlen=min(len(values) - 1, int(pad / (band * step)))
     )
 
@@ -113,8 +112,8 @@ def _corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.n
     where payloads resonate, by a first path.
     Source: Whittaker smoothing as generalised least squares.
     """
-    v = cumulative_trapezoid(a, t, axis=0, initial=0.0)
-    missed = p - cumulative_trapezoid(v, t, axis=0, initial=0.0)
+    v = scipy.integrate.cumulative_trapezoid(a, t, axis=0, initial=0.0)
+    missed = p - scipy.integrate.cumulative_trapezoid(v, t, axis=0, initial=0.0)
     a = (
         a + 2.0 * np.polynomial.polynomial.polyfit(t - t[0], missed, 2)[2]
     )  # mean error against the positions
@@ -140,7 +139,7 @@ def _along_path(t: np.ndarray, p: np.ndarray, a: np.ndarray, ratio: float) -> np
         target[own] += ratio**2 * D[i, :, None] * a[1:-1]
         for j in range(i, 3):
             bands[2 - (j - i), slice(j, len(t) - 2 + j)] += ratio**2 * D[i] * D[j]
-    path = linalg.solveh_banded(bands, target)
+    path = scipy.linalg.solveh_banded(bands, target)
     inside = sum(D[i, :, None] * path[i : len(t) - 2 + i] for i in range(3))
     correction = inside - a[1:-1]
     return a + np.concatenate([correction[:1], correction, correction[-1:]])
@@ -152,8 +151,8 @@ def _ringing(error: np.ndarray, step: float) -> float:
     """
     if RINGING[1] > 0.4 / step or len(error) * step < 4 / RINGING[0]:
         return 0.0
-    sos = signal.butter(2, RINGING, "bandpass", fs=1 / step, output="sos")
-    power = np.mean(signal.sosfiltfilt(sos, error, axis=0) ** 2)
+    sos = scipy.signal.butter(2, RINGING, "bandpass", fs=1 / step, output="sos")
+    power = np.mean(scipy.signal.sosfiltfilt(sos, error, axis=0) ** 2)
     return float(np.sqrt(power / (2 * step * (RINGING[1] - RINGING[0]))))
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 import numpy as np
-from scipy import special
+import scipy
 
 from np_drake.diagnosis.calibration import calibrated_alone, nuisance_of
 from np_drake.diagnosis.fitting import Fit, first_fit, greatest_height, impossible, refit, restart
@@ -325,7 +325,7 @@ def probabilities(
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
     shift = scored[-1][0] - max((linear[n] for n in refined if n in linear), default=scored[-1][0])
     scores = {n: s + min(shift, 0.0) for n, s in linear.items()} | refined
-    weight = dict(zip(scores, special.softmax(list(scores.values())), strict=True))
+    weight = dict(zip(scores, scipy.special.softmax(list(scores.values())), strict=True))
     names = {name for n in weight for name in n}
     return {name: float(sum(w for n, w in weight.items() if name in n)) for name in names}
 

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import linalg, special
+import scipy
 
 from np_drake.diagnosis.fitting import greatest_height
 from np_drake.diagnosis.forward_model import (
@@ -162,7 +162,7 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     Source: conditioning of the posterior; `LEAST_MASS_DEVIATIONS` is own choice.
     """
     deviation = math.sqrt(covariance[0, 0])
-    log_probability = float(special.log_ndtr(mean[0] / deviation))
+    log_probability = float(scipy.special.log_ndtr(mean[0] / deviation))
     if mean[0] >= LEAST_MASS_DEVIATIONS * deviation:
         return mean, log_probability
     more = covariance[:, 0] / covariance[0, 0] * (LEAST_MASS_DEVIATIONS * deviation - mean[0])
@@ -274,7 +274,7 @@ class OtherRegressors:
             XX[np.ix_(acting, acting)] += X[:n].T @ X[:n]
             Xy[acting] += X[:n].T @ y[:n]
         factor = np.linalg.cholesky(XX)
-        return factor, linalg.solve_triangular(factor, Xy, lower=True)
+        return factor, scipy.linalg.solve_triangular(factor, Xy, lower=True)
 
     def gain(
         self, payload: PayloadColumns, horizon: float, *, alone: bool = False
@@ -319,7 +319,7 @@ class OtherRegressors:
             Py[some] += P.T @ y[:rows]
         factor, b = self._base[horizon]
         # Nuisance comes first: its own factor and products are the first rows of those of all.
-        B = linalg.solve_triangular(factor, PX.T, lower=True)
+        B = scipy.linalg.solve_triangular(factor, PX.T, lower=True)
         return [
             Gram(PP - B[:n].T @ B[:n], Py - B[:n].T @ b[:n]) for n in (self._size, self._nuisance)
         ]

@@ -15,8 +15,7 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.special import expit
+import scipy
 
 from np_drake.checks import require
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily, family_fields
@@ -137,7 +136,7 @@ def saturated(x: T) -> T:
 
 
 def _silu(x: np.ndarray) -> np.ndarray:
-    return x * expit(x)
+    return x * scipy.special.expit(x)
 
 
 def images(axes: list[tuple[int, int]], rest: int) -> np.ndarray:
@@ -152,7 +151,7 @@ def images(axes: list[tuple[int, int]], rest: int) -> np.ndarray:
     turns = [np.linalg.matrix_power(quarter, i) for i in range(4)]
     return np.stack(
         [
-            block_diag(
+            scipy.linalg.block_diag(
                 *(np.kron(T if views == 2 else np.eye(1), np.eye(n)) for views, n in axes),
                 np.eye(rest),
             )

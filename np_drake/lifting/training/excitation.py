@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from np_drake.training_data.segments import Segment, group_scale, white_noise
 
@@ -143,7 +143,9 @@ def measure_excitation(zeta: list[np.ndarray], *, step: float = 1.0) -> Excitati
         white_noise(zeta) / np.sqrt(AVERAGE), RELEVANT * group_scale(zeta, centred=True)
     )
     sigma = np.maximum(sigma, 1e-9)
-    smooth = np.concatenate([uniform_filter1d(piece, AVERAGE, axis=0) for piece in zeta])
+    smooth = np.concatenate(
+        [scipy.ndimage.uniform_filter1d(piece, AVERAGE, axis=0) for piece in zeta]
+    )
     smooth = (smooth - smooth.mean(axis=0)) / sigma
     # Principal axes of the motion over its noise; variance 1 is pure noise
     variance, vectors = np.linalg.eigh(smooth.T @ smooth / len(smooth))

@@ -6,9 +6,7 @@ import dataclasses as dc
 from typing import Any
 
 import numpy as np
-from scipy import signal as filters
-from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import CubicHermiteSpline
+import scipy
 
 from np_drake import attitude
 from np_drake.logs.columns import GAP
@@ -59,7 +57,7 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     faster = a is not None and a.step * FASTER < v.step
     out["velocity"] = v.integrated(a, t) if a is not None and faster else v.linear(t)
     # Between samples a cubic that has their velocities.
-    between = CubicHermiteSpline(p.t, p.values, v.linear(p.t))
+    between = scipy.interpolate.CubicHermiteSpline(p.t, p.values, v.linear(p.t))
     out["position"] = p.values if np.array_equal(p.t, t) else between(np.clip(t, p.t[0], p.t[-1]))
     if a is not None and np.array_equal(a.t, t):
         out["acceleration"] = a.values
@@ -185,7 +183,7 @@ def _differentiated(p: Signal, notes: list[str]) -> Signal:
     if len(t) <= length:
         return Signal(p.t, np.gradient(p.values, p.t, axis=0))
     # Slope of the parabola that fits the window best (Savitzky and Golay).
-    return Signal(t, filters.savgol_filter(even, length, 2, deriv=1, delta=p.step, axis=0))
+    return Signal(t, scipy.signal.savgol_filter(even, length, 2, deriv=1, delta=p.step, axis=0))
 
 
 def command_meaning(own: Signal, log_map: LogMap) -> str:
@@ -274,10 +272,10 @@ def _levelled(signals: Signals, log_map: LogMap) -> Signal:
     specific = convert_quantity("acceleration", force.values, log_map) + G
     seen = Signal(force.t, attitude.rotate(carried.turned(None, force.t), specific))
     t = np.arange(own.t[0], own.t[-1] + EVERY, EVERY)
-    sos = filters.butter(2, 2 * LEVEL * EVERY, output="sos")
+    sos = scipy.signal.butter(2, 2 * LEVEL * EVERY, output="sos")
     # Mirrored ends: what the vehicle does in its last instant is no mean.
     mirrored = {"padtype": "even", "padlen": min(len(t) - 1, int(1 / (LEVEL * EVERY)))}
-    up = filters.sosfiltfilt(sos, seen.averaged(t, EVERY), axis=0, **mirrored)
+    up = scipy.signal.sosfiltfilt(sos, seen.averaged(t, EVERY), axis=0, **mirrored)
     up = Signal(t, up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)).linear(at)
     across = np.cross(up, [0.0, 0.0, 1.0])
     size = np.linalg.norm(across, axis=1, keepdims=True)
@@ -297,4 +295,4 @@ def _integral(signals: Signals, rate: str, log_map: LogMap) -> Signal:
     ):  # constant from its row to the next, as the thrust
         steps = values[:-1] * np.diff(own.t)[:, None]
         return Signal(own.t, np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
-    return Signal(own.t, cumulative_trapezoid(values, own.t, axis=0, initial=0.0))
+    return Signal(own.t, scipy.integrate.cumulative_trapezoid(values, own.t, axis=0, initial=0.0))

@@ -9,7 +9,7 @@ and 2900 simulated ones.
 from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
+import scipy
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
@@ -52,7 +52,7 @@ class Windows:
         """Return the integral of a rate (n, k) over each window, (n - rows, k), by the trapezoidal
         rule.
         """
-        return self.change(cumulative_trapezoid(rate, self._t, axis=0, initial=0.0))
+        return self.change(scipy.integrate.cumulative_trapezoid(rate, self._t, axis=0, initial=0.0))
 
     def turn(self, q: np.ndarray) -> np.ndarray:
         """Return the sum of the small rotations of q (n, 4) in body axes over each window, (n -

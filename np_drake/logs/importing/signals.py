@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
+import scipy
 
 from np_drake import attitude
 from np_drake.checks import require
@@ -99,7 +99,7 @@ class Signal:
 
     @cached_property
     def _sum(self) -> np.ndarray:
-        return cumulative_trapezoid(self.values, self.t, axis=0, initial=0.0)
+        return scipy.integrate.cumulative_trapezoid(self.values, self.t, axis=0, initial=0.0)
 
     def integral(self, at: np.ndarray) -> np.ndarray:
         """Return the integral from the first sample, (m, k): linear between samples and constant

@@ -79,11 +79,42 @@ def test_every_number_has_bounds_or_is_checked_by_what_it_is_passed_to():
                 assert option.max is not None, (name, option.name)
 
 
-def test_startup_waits_for_no_large_library():
-    slow = "{'torch', 'pydrake', 'scipy', 'matplotlib', 'jinja2'}"
-    code = f"import sys, diagrams.cli.app; print(sorted({slow} & set(sys.modules)))"
+@pytest.mark.parametrize(
+    "words",
+    [
+        "--help",
+        "vehicle list",
+        "import missing.csv",
+        "identify missing.csv --vehicle paper",
+        "doctor missing.csv",
+        "diagnose missing",
+        "diagnose --train missing.csv --held-out missing.csv",
+    ],
+)
+def test_help_and_refusals_wait_for_no_large_library(words):
+    assert loaded(words) & {"torch", "pydrake", "matplotlib", "pandas", "scipy.signal"} == set()
+
+
+@pytest.mark.parametrize(
+    "words", ["train missing.csv --out a.safetensors", "evaluate missing.csv", "fly missing.yaml"]
+)
+def test_what_learns_loads_torch_when_its_flights_are_open(words):
+    assert loaded(words) & {"torch", "matplotlib", "scipy.signal"} == set()
+
+
+def loaded(words):
+    """Names of the modules that are there when a command line ends."""
+    code = f"import sys, diagrams.cli.main as m; m.run({words.split()}); print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    return set(done.stdout.splitlines()[-1].split())
+
+
+def test_the_summary_of_a_verb_fits_on_its_line(capsys):
+    assert run(["--help"]) == 0
+    said = capsys.readouterr().out
+    assert [
+        name for name, (_, _, summary) in dut.VERBS.items() if f" {summary}\n" not in said
+    ] == []
 
 
 def failing(error):
@@ -198,16 +229,23 @@ class Sender:
             sys.meta_path.remove(self)
             os.kill(os.getpid(), signal.{name})
 sys.meta_path.insert(0, Sender())
-sys.argv[1:] = ["vehicle", "list"]
+sys.argv[1:] = {words!r}
 from diagrams.cli.main import main
 main()
 """
 
 
-@pytest.mark.parametrize("name, module", [("SIGTERM", "rich.progress"), ("SIGINT", "pydrake")])
-def test_a_signal_while_modules_are_imported_is_one_line(name, module):
+@pytest.mark.parametrize(
+    "name, module, words",
+    [
+        ("SIGTERM", "rich.progress", "vehicle list"),
+        ("SIGINT", "pydrake", "vehicle show paper"),
+        ("SIGINT", "torch", "train --envelope 1 --out never.safetensors"),
+    ],
+)
+def test_a_signal_while_modules_are_imported_is_one_line(name, module, words):
     code, line = SIGNALS[name]
-    program = SENDS.format(name=name, module=module)
+    program = SENDS.format(name=name, module=module, words=words.split())
     dut = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert dut.returncode == code
     assert dut.stderr.endswith(f": {line}\n")

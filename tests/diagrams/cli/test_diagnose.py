@@ -108,7 +108,7 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
         *expected,
         "weigh the vehicle",
         "minor findings - gyro_bias",
-        "warning: a warning.",
+        "warnings - a warning.",
         "report.html",
         "replay.html",
     ):

@@ -1,6 +1,7 @@
 """Laws of the runner of the verbs."""
 
 import json
+from types import SimpleNamespace
 from typing import Annotated
 
 import pytest
@@ -10,7 +11,7 @@ from diagrams.batch.run import FailedRun
 from diagrams.cli import verb as output
 from diagrams.cli.app import run_app
 from diagrams.cli.main import run
-from diagrams.cli.verb import Report, Run, reports
+from diagrams.cli.verb import Report, Run, noted, reports
 from np_drake.files.file_access import lock_outputs, write_text
 
 TABLE = ("a title", ["what", "value"], [("one | two", 1.23456)])
@@ -57,6 +58,19 @@ def test_lines_stand_above_the_table_and_notes_below(tmp_path, capsys):
     assert places == sorted(places)
     expected = "a title:\n\n| what | value |\n|---|---|\n| one \\| two | 1.23 |\n\n- below\n"
     assert page.read_text() == expected
+
+
+def test_warnings_stand_once_behind_all_else(tmp_path, capsys):
+    app, _ = made(lambda run: {"lines": ["above"], "notes": ["last"], "warnings": ["dull", "late"]})
+    assert call(app) == 0
+    said = capsys.readouterr().out
+    assert said.endswith("last\nwarnings\n- dull\n- late\n\n")
+    assert said.count("dull") == 1
+
+
+def test_what_readers_say_of_several_logs_is_one_line():
+    logs = [SimpleNamespace(name=name, notes=["no velocity"]) for name in ("a", "b")]
+    assert noted(logs, ["b: left out"]) == ["a, b: no velocity", "b: left out"]
 
 
 @pytest.mark.parametrize("option", ["--json", "--markdown", "--out"])

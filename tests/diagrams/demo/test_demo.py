@@ -45,7 +45,7 @@ def told(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tracking, "load_experiment", shortened)
         patch.setattr(story, "configure", configured)
-        patch.setattr("diagrams.cli.demo.run_demo", kept_demo)
+        patch.setattr("diagrams.demo.story.run_demo", kept_demo)
         metrics = folder / "demo.json"
         arguments = ["demo", "--out", str(folder), "--seed", "3", "--jobs", "1"]
         arguments += ["--json", str(metrics)]

@@ -7,14 +7,18 @@ import numpy as np
 import pytest
 
 from diagrams.identification.page import (
+    agreement_figure,
     half_width,
     headline,
     interval,
+    interval_figure,
     not_told,
     place_in_prior,
+    residual_figure,
     summary,
     write_page,
 )
+from np_drake.files.number_text import NBSP
 from np_drake.identification.estimation import Agreement
 from np_drake.identification.flight_agreement import flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
@@ -98,6 +102,21 @@ def test_what_trades_and_is_doubted_is_said_and_not_listed_as_untold(found):
     assert "centre of mass x" not in [name for _, names, _ in not_told(dut) for name in names]
 
 
+def test_every_number_of_the_figures_can_be_read(found, rows, smallest_text):
+    drawn = (
+        interval_figure(found),
+        agreement_figure(found, flight_values(found)),
+        residual_figure(rows),
+    )
+    assert all(smallest_text(figure) >= 9.0 for figure in drawn)  # [px]
+
+
+def test_warnings_stand_once_and_at_the_end(found, rows, tmp_path):
+    text = write_page(found, rows, tmp_path, warnings=["a, b: late"]).read_text()
+    assert text.count("a, b: late") == 1
+    assert text.index("a, b: late") > text.index("<h2>Made from</h2>")
+
+
 def test_the_flight_that_differs_is_named(found, tmp_path):
     estimate = dc.replace(found.estimate, agreement=found.estimate.agreement | {"jxx": APART})
     differing = dc.replace(found, estimate=estimate)
@@ -124,7 +143,11 @@ def test_the_ends_of_the_prior_lie_at_one_and_minus_one(found):
 
 
 def test_numbers_are_in_units_that_suit_the_vehicle(found):
-    assert interval(found["inertia xx"])[0].endswith("g·cm²")
+    for name in ("inertia xx", "inertia zz", "inertia xy", "inertia of a rotor"):
+        for times in (1.0, 1e4):  # one unit, from the smallest vehicle to the largest
+            q = found[name]
+            scaled = {key: times * getattr(q, key) for key in ("value", "low", "high")}
+            assert interval(dc.replace(q, **scaled))[0].endswith(f"{NBSP}kg·cm²")
     assert interval(found["centre of mass x"])[0].endswith("mm")
     k = found["thrust coefficient"]
     assert interval(k)[0].endswith("× 10⁻⁸ N/(rad/s)²")

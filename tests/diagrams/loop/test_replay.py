@@ -6,8 +6,10 @@ import re
 import numpy as np
 import pytest
 
+from diagrams.loop import flight_figures
 from diagrams.loop.replay import FRAME_RATE, POLICY, frames, position_error, write_replay
 from np_drake import attitude
+from np_drake.files.figure_file import DASHES
 
 POSITION = 1e-12  # of what is copied, in double precision [m]
 
@@ -73,6 +75,28 @@ def test_a_flight_without_a_payload_shows_none(flight, replay_page, tmp_path):
     bare = {**flight.signals, "plant_state": flight.signals["plant_state"][:, :13]}
     write_replay(dc.replace(flight, signals=bare), tmp_path / "bare.html")
     assert not {"payload", "tether"} & replay_page(tmp_path / "bare.html").objects
+
+
+def test_a_narrow_window_follows_the_vehicle_and_holds_its_payload(flight, page):
+    dut = page.numbers
+    assert dut["whole"]  # a wide one shows all of the flight
+    assert dut["follow"]["path"] == ["drake", "quadrotor"]
+    eye, fov = np.array(dut["follow"]["eye"]), np.deg2rad(75.0)  # Meshcat's camera
+    assert np.linalg.norm(eye) * np.tan(fov / 2) > flight.config.reality.hung.length
+    assert "Math.max(1, innerHeight / innerWidth)" in page.text
+
+
+def test_the_ground_is_the_pages_light_or_dark(page):
+    light, dark = page.text.split("@media (prefers-color-scheme: dark)")[-2:]
+    assert "body { background: #eceff3; }" in light
+    assert "body { background: #14171c; }" in dark
+    assert page.properties["/Background/<object>", "use_ar_background"]  # no sky, whose edges show
+
+
+def test_every_controller_has_a_line_of_its_own_and_numbers_can_be_read(flight, smallest_text):
+    assert ":" not in DASHES  # the reference's
+    assert len(set(DASHES[:6])) == 6
+    assert smallest_text(flight_figures.overlay([flight] * 4)) >= 9.0  # [px]
 
 
 def test_the_page_can_load_nothing_from_a_network(page):

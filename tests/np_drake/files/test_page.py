@@ -27,6 +27,13 @@ def test_a_page_holds_sections_pictures_and_style_and_asks_no_network(section, t
     assert (tmp_path / "a.png").read_bytes() == b"1"
 
 
+def test_figures_of_a_dark_page_are_dark_and_printed_ones_light(section, tmp_path):
+    text = write_page(tmp_path / "p.html", "Title", [section], {"a": b"1"}).read_text()
+    dark = text.split("prefers-color-scheme: dark")[1].split("\n}")[0]
+    assert "figure img { filter: invert" in dark
+    assert "filter: none" in text.split("@media print")[1]
+
+
 def test_a_picture_of_an_earlier_run_is_gone_from_page_and_folder(section, tmp_path):
     (tmp_path / "a.png").write_text("earlier")
     text = write_page(tmp_path / "p.html", "Title", [section], {"a": None}).read_text()

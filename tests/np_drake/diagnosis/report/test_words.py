@@ -1,5 +1,6 @@
 """Laws of numbers, units and names as text."""
 
+import dataclasses as dc
 import json
 
 import numpy as np
@@ -60,3 +61,12 @@ def test_numbers_are_finite_or_null():
     assert json.loads(text) == dut
     assert dut["gap"]["replay"]["position"] == [0.1, None]
     assert dut["causes"][0]["share"] is None
+
+
+def test_a_warning_that_stands_before_the_answer_is_not_said_again(diagnosis):
+    names = diagnosis.train + diagnosis.held_out
+    doubt = f"{', '.join(names)}: thrust is a guess"
+    lines = (*(f"{name}: thrust is a guess." for name in names), "no wind.")
+    found = dc.replace(diagnosis, warnings=lines, doubts=(doubt,))
+    assert dut.warnings(found)[-1] == "no wind."
+    assert not any("a guess" in line for line in dut.warnings(found))

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from np_drake.diagnosis.report.page import write_report
+from np_drake.diagnosis.report.page import figures, write_report
 
 HOSTILE = '<script>alert("x")</script>&$\\frac{$ 飞.csv'
 
@@ -37,6 +37,10 @@ def test_the_page_stands_alone(folder):
     assert "url(" not in page
     assert "<script" not in page
     assert page.count("data:image/png;base64,") == 2
+
+
+def test_every_number_of_the_figures_can_be_read(diagnosis, smallest_text):
+    assert all(smallest_text(figure) >= 9.0 for figure in figures(diagnosis).values())  # [px]
 
 
 def test_hostile_names_are_text(diagnosis, tmp_path):
