@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.alignment import common_rows
@@ -276,7 +276,8 @@ def _explained(change: Change, log_map: LogMap) -> str:
     if body is None:
         return text
     own = axes_of_word(log_map.frames(log_map.attitude)[1])
-    turn = Rotation.from_matrix(own.T @ axes_of_word(body)).as_rotvec(degrees=True)
+    rotation = scipy.spatial.transform.Rotation.from_matrix(own.T @ axes_of_word(body))
+    turn = rotation.as_rotvec(degrees=True)
     signed = zip("xyz", np.sign(turn.round()), strict=True)
     axes = [f"-{axis}" if sign < 0 else axis for axis, sign in signed if sign]
     about = axes[0] if len(axes) == 1 else f"the diagonal of {', '.join(axes)}"

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from np_drake import attitude
 from np_drake.checks import require
@@ -307,7 +307,8 @@ def _turn(word: str, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return matrix (3, 3) and quaternion (4,) from a frame of a log, turned about z [deg], to
     ours.
     """
-    R = Rotation.from_euler("z", angle, degrees=True) * Rotation.from_matrix(axes_of_word(word))
+    rotation = scipy.spatial.transform.Rotation
+    R = rotation.from_euler("z", angle, degrees=True) * rotation.from_matrix(axes_of_word(word))
     return R.as_matrix(), np.roll(R.as_quat(), 1)
 
 
