@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-import numpy as np
 import pandas as pd
 from typer import Argument, Option
 
@@ -29,7 +28,7 @@ from diagrams.cli.verb import (
 from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import training_flight
 from diagrams.studies.learning import flown_share, placed_family, train_on_envelope
-from diagrams.studies.options import Neurobem, tabulate
+from diagrams.studies.options import tabulate
 from np_drake.files.figure_file import new_figure, save
 from np_drake.files.number_text import number
 from np_drake.lifting.model.lifted_model import (
@@ -44,18 +43,10 @@ from np_drake.lifting.model.lifted_model import (
 )
 from np_drake.lifting.training.network_training import PART
 from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config, suited
-from np_drake.lifting.training.train import train as train_lifted
 from np_drake.logs import opening
-from np_drake.logs.formats.neurobem import (
-    RACE_TRACK,
-    TRAINING,
-    is_array,
-    published_vehicle,
-    read_wrenches,
-)
-from np_drake.payload_filter.model_file import SCHEMAS, PayloadFilterModel
+from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMA, PayloadFilterModel
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
-from np_drake.residual_models.linear_baselines import fit_all
 from np_drake.residual_models.motion_model import KNODE, REACTIONS, MotionModel
 from np_drake.residual_models.predictor_training import train_motion_model, train_on_flights
 from np_drake.skill.skill import Model, diverged, flight_stability, label_distances, score_flights
@@ -64,7 +55,6 @@ from np_drake.training_data.segments import Flight, WrenchSequence, require_moti
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.scaling import sampling_period
 
-PAYLOAD_FILTER = "payload_filter"
 SCENARIOS = (".yaml", ".yml")  # files that are flown
 T = TypeVar("T")
 Epochs = Annotated[
@@ -334,53 +324,33 @@ def require_one_frame(flights: list[Flight]) -> None:
     )
 
 
-TRAINED = ("paper", "")  # "": the one that suits the axes of the flights
 HORIZONS = "1,5,10,20,40"
 FARTHEST = 10**6  # steps ahead, own choice; flights are shorter
 MOTIONS = ("held", "known")  # what a forecast knows of the coming zeta
 
 
-@reports("evaluate", seed=0, markdown=False)
+@reports("evaluate", seed=None, markdown=False)
 def evaluate(
     run: Run,
-    logs: Annotated[list[Path] | None, Argument(metavar="LOG…", help=LOG_HELP)] = None,
+    logs: Annotated[list[Path], Argument(metavar="LOG…", help=LOG_HELP)],
     predictor: Annotated[
-        Path | None, Option(metavar="FILE", help="Model file; default: the one in the package.")
-    ] = None,
-    train: Annotated[
-        list[Path] | None,
-        Option(metavar="LOG", help="Train both configurations on it; repeatable."),
-    ] = None,
-    neurobem: Neurobem = None,
+        Path, Option(metavar="FILE", help="Model file; default: the one in the package.")
+    ] = NP_MODEL,
     horizons: Annotated[str, Option(help="Steps ahead, comma-separated.")] = HORIZONS,
-    epochs: Epochs = None,
-    step: Step = None,
     vehicle: VehicleFile = None,
-    force: Force = False,
 ) -> Report:
-    """Score predictors on flights; without any: train on the paper's segment, score on race track
-    1.
+    """Score a predictor on flights that it was not trained on.
 
     Twice: with the coming motion (zeta) held at its last value, as a predictor alone would have to,
     and known.
     """
     steps = parse_horizons(horizons)
-    train, logs = _choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
-    loaded = {} if train else load(predictor or NP_MODEL)
-    tests = open_flights(logs, vehicle)
-    training = open_flights(train, vehicle)
-    require_one_frame([*training, *tests])
-    step = step or sampling_period(tests[0].vehicle)
-    if not force:
-        require_motion(training)
-    models = loaded or _train_all(training, step=step, seed=run.seed, epochs=epochs)
-    base, rows = _train_baselines(training, steps, step), list[dict]()
+    model = load(predictor)
+    tests, rows = open_flights(logs, vehicle), list[dict]()
     for zeta in MOTIONS:
-        with run.counting(f"scoring, coming motion {zeta}") as on_model:
-            rows += score_flights(models, tests, steps, zeta=zeta, on_model=on_model, **base)
-    windows, distances = flight_stability(models, tests), label_distances(models, tests)
-    settings = {"configurations": list(models), "horizons": steps, "step": step}
-    settings |= {"training": [flight.data.name for flight in training]}
+        with run.counting(f"scoring, coming motion {zeta}") as on_flight:
+            rows += score_flights(model, tests, steps, zeta=zeta, on_flight=on_flight)
+    windows, distances = flight_stability(model, tests), label_distances(model, tests)
     said = tabulate(
         "stability of the forecasts; spectral radius above 1: unstable",
         windows,
@@ -394,7 +364,7 @@ def evaluate(
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
         [*(t for zeta in MOTIONS for t in tables(rows, zeta)), said],
-        config=settings,
+        config={"configuration": model.configuration, "horizons": steps, "step": model.step},
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
         notes=unfiltered,
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
@@ -414,62 +384,11 @@ def parse_horizons(text: str) -> list[int]:
     return sorted({int(part) for part in parts})
 
 
-def _choose_flights(
-    train: list[Path], logs: list[Path], predictor: Path | None, neurobem: Path | None
-) -> tuple[list[Path], list[Path]]:
-    """Return the flights to train on and to score; the paper's where none are given."""
-    require(not (predictor and train), "--predictor is trained already; leave out --train.")
-    if logs:
-        named = [path.resolve() for path in (*train, *logs)]
-        if twice := [path for path in (*train, *logs) if named.count(path.resolve()) > 1]:
-            raise ValueError(
-                f"{twice[0]}: must be given once; a flight to score must be held out of training."
-            )
-        return train, logs
-    require(not (predictor or train), "give the flights to score: np-drake evaluate LOG….")
-    if neurobem is None:
-        raise ValueError(
-            "give flights, or the folder of the NeuroBEM flights as --neurobem DIR or "
-            "NP_DRAKE_NEUROBEM."
-        )
-    say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")
-    return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]
-
-
-def _train_baselines(flights: list[Flight], horizons: list[int], step: float) -> dict[str, Any]:
-    """Train the baselines and return `baselines` and `mean` as `score_flights` takes them; empty
-    without flights.
-    """
-    if not flights:
-        return {}
-    segments = [segment for flight in flights for segment in flight.segments(step)]
-    mean = np.concatenate([segment.goal for segment in segments]).mean(axis=0)
-    return {"baselines": dict(fit_all(segments, np.unique([0, *horizons]))), "mean": mean}
-
-
-def load(path: Path) -> dict[str, Model]:
-    """Load the model of a file, lifted linear system or payload filter; return it by its
-    configuration.
-    """
-    if schema_of(path) in SCHEMAS:
-        return {PAYLOAD_FILTER: PayloadFilterModel.load(path)}
-    model = load_model(path)
-    return {model.configuration: model}
-
-
-def _train_all(
-    flights: list[Flight], *, step: float, seed: int, epochs: int | None
-) -> dict[str, Model]:
-    """Train both configurations on the same flights."""
-    segments = [segment for flight in flights for segment in flight.segments(step)]
-    models: dict[str, Model] = {}
-    for asked in TRAINED:
-        name = configuration_for(asked, flights[0].frame)
-        config = make_config(name, frame=flights[0].frame, seed=seed, epochs=epochs)
-        result, wall = behind_bar(f"training {name}", partial(train_lifted, segments, config))
-        say(f"{name}: {wall:.1f} s, {result.model.summary.get('excitation', '')}")
-        models[name] = result.model
-    return models
+def load(path: Path) -> Model:
+    """Return the model of a file, lifted linear system or payload filter."""
+    if schema_of(path) == SCHEMA:
+        return PayloadFilterModel.load(path)
+    return load_model(path)
 
 
 def tables(rows: list[dict[str, Any]], zeta: str) -> list[Table]:

@@ -1,4 +1,4 @@
-"""Linear baselines: DMDc, delay DMDc and a ridge for every horizon.
+"""Linear baselines: DMDc, with delays too, and a ridge for every horizon.
 
 All are trained in closed form on the same segments, and nothing keeps them stable.
 """
@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake import rigid_body
 from np_drake.lifting.model.lifted_linear_system import DelayEncoder, DelayTaps, LiftedLinearSystem
-from np_drake.lifting.training.linear_fits import sample_scale, window_ridge
+from np_drake.lifting.training.linear_fits import sample_scale
 from np_drake.residual_model import (
     FlightForecasts,
     Memory,
@@ -20,8 +20,6 @@ from np_drake.residual_model import (
 )
 from np_drake.training_data.segments import Segment, check_segments
 
-DELAYS = 10  # samples that delay DMDc and the ridge see [1]
-NOISE = 1e-3  # of the ridge's samples, in units of their scale [1]
 # Of the ridge by groups: horizons that are fitted, and deviation of the features that a weight pays
 # for, in their standard deviation [1]
 GRID, GROUP_NOISE = 20, 0.1
@@ -166,24 +164,6 @@ def _shift_register(weights: np.ndarray, step: float) -> tuple[LiftedLinearSyste
         if d > 0:
             E[past + 6 * (d - 1) : past + 6 * d, D - 1 - d, 6:] = np.eye(6)
     return LiftedLinearSystem(A, B, np.eye(6, K), step), E.reshape(K, -1)
-
-
-def fit_ridge(segments: Sequence[Segment], horizons: np.ndarray) -> RidgeBaseline:
-    """Fit the best linear map of the last `DELAYS` samples for every horizon (H,), ascending
-    [steps]; flights are weighted alike.
-    """
-    segments = check_segments(list(segments), DELAYS + int(horizons[-1]) + 1)
-    taps = DelayTaps(DELAYS, DELAYS, 0)
-    weights, constant = window_ridge(segments, taps, horizons, noise=NOISE, origins=4000)
-    return RidgeBaseline("ridge by horizon", segments[0].step, horizons, weights, constant)
-
-
-def fit_all(
-    segments: Sequence[Segment], horizons: np.ndarray
-) -> dict[str, LinearBaseline | RidgeBaseline]:
-    """Return every linear baseline, by name; horizons (H,) are those of the ridge [steps]."""
-    models = (fit_dmdc(segments), fit_dmdc(segments, delays=DELAYS), fit_ridge(segments, horizons))
-    return {model.name: model for model in models}
 
 
 def fit_force_ridge(segments: Sequence[Segment], *, span: float, horizon: float) -> RidgeBaseline:

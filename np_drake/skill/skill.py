@@ -9,14 +9,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import (
-    FAMILIES,
-    MODE_DICTIONARY,
-    PAPER,
-    LiftedModel,
-    origin_of,
-    require_origin,
-)
+from np_drake.lifting.model.lifted_model import LiftedModel, origin_of, require_origin
 from np_drake.logs.formats.neurobem import TESTS
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
@@ -394,7 +387,6 @@ def stability_of(course: FlightForecasts) -> WindowStability:
     return WindowStability(len(radius), int(np.sum(radius > 1.0)), float(radius.max()), pulled)
 
 
-OURS = (PAPER, *FAMILIES, MODE_DICTIONARY, PAYLOAD_FILTER)
 WARM_UP = 40  # samples before the first origin, at least [1]
 Model = LiftedModel | PayloadFilterModel
 DIVERGED = 10.0  # longest forecast over longest label from which a flight counts as diverged [1]
@@ -402,51 +394,41 @@ STEP_TOLERANCE = 0.02  # between a model's step and an array's [1]
 
 
 def score_flights(
-    models: Mapping[str, Model],
+    model: Model,
     flights: Sequence[Flight],
     horizons: list[int],
     *,
     zeta: str,
-    baselines: Mapping[str, ResidualModel] = MappingProxyType({}),
-    mean: np.ndarray | None = None,
-    on_model: Callable[[int, int], None] = lambda *_: None,
+    on_flight: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict[str, Any]]:
-    """Return a row for every model, baseline and naive predictor on every flight, horizon in
-    seconds.
+    """Return a row for the model and every naive predictor on every flight, horizon in seconds; the
+    mean is the flight's own, which no predictor could know.
 
     Args:
         horizons: [steps].
         zeta: `held` at its last value, or `known`.
-        mean: (6,) of chi in training; None: the flight's own, which no predictor could know.
-        on_model: called with (done, total) after every model.
+        on_flight: called with (done, total) after every flight.
     Raises: ValueError: if a step is not the model's, or a flight too short.
     """
     rows: list[dict[str, Any]] = []
-    for number, flight in enumerate(flights):
-        name = flight_name(flight)
-        for place, (label, model) in enumerate(models.items()):
-            predictor = _predictor(model)
-            segment, seen = _longest_flown(flight, predictor)
-            table = skill_table(
-                {label: predictor, **(baselines if place == 0 else {})},
-                segment.chi,
-                segment.zeta,
-                horizons=horizons,
-                mean=segment.chi.mean(axis=0) if mean is None else mean,
-                target=segment.goal,
-                zeta_known=zeta == "known",
-                warm_up=WARM_UP
-                if isinstance(model, PayloadFilterModel)
-                else max(WARM_UP, model.warm_up),
-                flight=name,
-                seen={} if seen is None else {label: seen},
-            )
-            rows += [
-                {**row, "horizon": row["horizon"] * segment.step, "zeta": zeta}
-                for row in table
-                if place == 0 or row["model"] not in UNTRAINED
-            ]
-            on_model(number * len(models) + place + 1, len(flights) * len(models))
+    predictor, name = _predictor(model), model.configuration
+    own = 0 if isinstance(model, PayloadFilterModel) else model.warm_up
+    for number, flight in enumerate(flights, 1):
+        segment, seen = _longest_flown(flight, predictor)
+        table = skill_table(
+            {name: predictor},
+            segment.chi,
+            segment.zeta,
+            horizons=horizons,
+            mean=segment.chi.mean(axis=0),
+            target=segment.goal,
+            zeta_known=zeta == "known",
+            warm_up=max(WARM_UP, own),
+            flight=flight_name(flight),
+            seen={} if seen is None else {name: seen},
+        )
+        rows += [{**row, "horizon": row["horizon"] * segment.step, "zeta": zeta} for row in table]
+        on_flight(number, len(flights))
     return rows
 
 
@@ -484,28 +466,21 @@ def _longest_flown(
     return max(pieces, key=lambda piece: len(piece[0]))
 
 
-def label_distances(models: Mapping[str, Model], flights: Sequence[Flight]) -> list[dict[str, Any]]:
+def label_distances(model: Model, flights: Sequence[Flight]) -> list[dict[str, Any]]:
     """Return how far labels without low-pass lie from the targets, force [N] and torque [N·m], RMS
-    by flight.
+    by flight; nothing of a model that forecasts labels with one.
 
     What a low-pass takes from the target counts as the error of labels that have one.
-
-    Args:
-        models: by name; those that forecast labels without low-pass count.
-        flights: as of `score_flights`.
     """
-    lines = []
+    if not isinstance(model, PayloadFilterModel):
+        return []
+    unlagged, lines = PayloadFilter(dc.replace(model, rotor_lag=0.0)), []
     for flight in flights:
-        for label, model in models.items():
-            if not isinstance(model, PayloadFilterModel):
-                continue
-            unlagged = PayloadFilter(dc.replace(model, rotor_lag=0.0))
-            segment, seen = _longest_flown(flight, unlagged)
-            square = np.nanmean((seen.chi - segment.goal) ** 2, axis=0) if seen else np.zeros(6)
-            force, torque = np.sqrt([square[:3].sum(), square[3:].sum()]).tolist()
-            lines.append(
-                {"flight": flight_name(flight), "model": label, "force": force, "torque": torque}
-            )
+        segment, seen = _longest_flown(flight, unlagged)
+        square = np.nanmean((seen.chi - segment.goal) ** 2, axis=0) if seen else np.zeros(6)
+        force, torque = np.sqrt([square[:3].sum(), square[3:].sum()]).tolist()
+        named = {"flight": flight_name(flight), "model": model.configuration}
+        lines.append({**named, "force": force, "torque": torque})
     return lines
 
 
@@ -527,11 +502,11 @@ def _longest_piece(flight: Flight, step: float) -> Segment:
 
 def diverged(rows: list[dict[str, Any]]) -> list[str]:
     """Return the flights on which a model's RMSE is no number, or a forecast is `DIVERGED` times
-    the longest label.
-
-    A baseline may diverge; nothing keeps it from that.
+    the longest label; nothing keeps a naive one from that.
     """
-    return sorted({row["flight"] for row in rows if row["model"] in OURS and not _bounded(row)})
+    return sorted(
+        {row["flight"] for row in rows if row["model"] not in UNTRAINED and not _bounded(row)}
+    )
 
 
 def _bounded(row: dict[str, Any]) -> bool:
@@ -540,30 +515,24 @@ def _bounded(row: dict[str, Any]) -> bool:
     return bool(finite and not any(peak > DIVERGED for peak in peaks))
 
 
-def flight_stability(
-    models: Mapping[str, Model], flights: Sequence[Flight]
-) -> list[dict[str, Any]]:
-    """Return the spectral radius of A in every window of every flight, model by model; see
-    `WindowStability`.
+def flight_stability(model: Model, flights: Sequence[Flight]) -> list[dict[str, Any]]:
+    """Return the spectral radius of A in every window of every flight; see `WindowStability`.
 
-    Args:
-        flights: as of `score_flights`.
     Raises: ValueError: as `score_flights`.
     """
-    lines = []
+    lines, predictor = [], _predictor(model)
     for flight in flights:
-        for label, model in models.items():
-            predictor = _predictor(model)
-            segment, seen = _longest_flown(flight, predictor)
-            if isinstance(predictor, NeuralPredictor):
-                course = predictor.along(segment.chi, segment.zeta)
-                if course is None:
-                    raise ValueError(
-                        f"stability: at least {predictor.model.warm_up} samples are needed; "
-                        f"got {len(segment)}."
-                    )
-                found = stability_of(course)
-            elif seen is not None:
-                found = walked_stability(predictor, seen)
-            lines.append({"flight": flight_name(flight), "model": label, **dc.asdict(found)})
+        segment, seen = _longest_flown(flight, predictor)
+        if isinstance(predictor, NeuralPredictor):
+            course = predictor.along(segment.chi, segment.zeta)
+            if course is None:
+                raise ValueError(
+                    f"stability: at least {predictor.model.warm_up} samples are needed; "
+                    f"got {len(segment)}."
+                )
+            found = stability_of(course)
+        elif seen is not None:
+            found = walked_stability(predictor, seen)
+        named = {"flight": flight_name(flight), "model": model.configuration}
+        lines.append({**named, **dc.asdict(found)})
     return lines
