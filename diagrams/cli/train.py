@@ -133,7 +133,9 @@ def train(
     if family is not None:
         family = family.without_network if name == LIFTED else family
         name = family.configuration
-    configuration = configuration_for(name, frame)
+    configuration = suited(name, frame)
+    if not name:
+        say(f"configuration: {configuration}, as the wrenches are in {frame} axes.")
     require(
         configuration in FAMILIES or not envelope,
         f"--envelope: must be of {' | '.join(FAMILIES)}; got {configuration}.",
@@ -205,16 +207,6 @@ def _placed(flights: Sequence[Flight], step: float) -> LiftedModel | None:
     alone = "The logs alone count; --envelope N learns from simulated flights of the vehicle too."
     say("--envelope 0 trains on the logs alone." if family else alone)
     return family
-
-
-def configuration_for(name: str, frame: str) -> str:
-    """Return the configuration to train, and say which where none was named; wrenches are in world
-    or body axes.
-    """
-    configuration = suited(name, frame)
-    if not name:
-        say(f"configuration: {configuration}, as the wrenches are in {frame} axes.")
-    return configuration
 
 
 def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float) -> Report:
@@ -299,9 +291,9 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
         if isinstance(found, opening.Opened):
             log = next(logs)
             own = vehicle or log.vehicle or Vehicle()
-            for data in map(require_torque, log.flights):
-                flights.append(Flight(with_accelerations(data), own))
-                tell(*(f"{data.name}: {note}" for note in flights[-1].data.notes))
+            for data in map(with_accelerations, map(require_torque, log.flights)):
+                flights.append(Flight(data, own))
+                tell(*(f"{data.name}: {note}" for note in data.notes))
         elif isinstance(found, WrenchSequence):
             flights.append(Flight(found, vehicle or published_vehicle()))
         else:
@@ -354,7 +346,7 @@ def evaluate(
     said = tabulate(
         "stability of the forecasts; spectral radius above 1: unstable",
         windows,
-        [(key, key) for key in ("model", "flight", "windows", "unstable", "pulled", "largest")],
+        [(key, key) for key in ("model", "flight", "windows", "unstable", "largest")],
     )
     unfiltered = [
         f"{line['model']} forecasts without low-pass; such labels of {line['flight']} are "

@@ -18,6 +18,7 @@ from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.family_training import descend_once, placed
 from np_drake.lifting.training.network_training import judged
 from np_drake.lifting.training.train import Config, TrainingResult, configured, train
+from np_drake.residual_models.flight_forecasts import model_predictions
 from np_drake.residual_models.motion_model import (
     GP,
     KNODE,
@@ -107,12 +108,13 @@ def foresight(model: LiftedModel, segments: Sequence[Segment]) -> float:
     """
     ours, naive, horizons = np.zeros(len(AHEAD)), np.zeros(len(AHEAD)), np.array(AHEAD)
     for segment in segments:
-        course = NeuralPredictor(model).along(segment.chi, segment.zeta)
-        if course is None or len(segment) - AHEAD[-1] <= course.first:
+        origins = np.arange(model.warm_up - 1, len(segment) - AHEAD[-1])
+        if not len(origins):
             continue
-        origins = np.arange(course.first, len(segment) - AHEAD[-1])
         goal = segment.goal[origins[:, None] + horizons, :3]
-        forecast = course.at(list(AHEAD), origins, segment.zeta, zeta_known=True)[..., :3]
+        forecast = model_predictions(
+            NeuralPredictor(model), segment.chi, segment.zeta, origins, list(AHEAD), zeta_known=True
+        )[..., :3]
         ours += np.sum((forecast - goal) ** 2, axis=(0, 2))
         naive += np.sum((segment.chi[origins, None, :3] - goal) ** 2, axis=(0, 2))
     require(

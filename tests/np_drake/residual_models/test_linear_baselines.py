@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from np_drake.residual_model import Sample
+from np_drake.residual_models.flight_forecasts import model_predictions
 from np_drake.residual_models.linear_baselines import GROUPS, fit_dmdc, fit_force_ridge
-from np_drake.skill.skill import model_predictions
 from np_drake.training_data.segments import Segment
 
 STEP = 0.01
@@ -39,21 +39,6 @@ def test_with_delays_a_longer_memory_is_found():
         chi_hat = model_predictions(dut, unseen.chi, unseen.zeta, origins, [1, 5], zeta_known=True)
         error = np.abs(chi_hat - unseen.chi[origins[:, None] + [1, 5]]).max()
         assert (error < 0.1) == small
-
-
-@pytest.mark.parametrize("known", [False, True])
-@pytest.mark.parametrize("name", ["DMDc", "delay DMDc", "ridge"])
-def test_a_whole_flight_at_once_is_the_flight_sample_by_sample(name, known, one_by_one):
-    segments, unseen = [flight(0), flight(1)], flight(7, n=80)
-    if name == "ridge":
-        dut = fit_force_ridge(segments, span=10 * STEP, horizon=10 * STEP)
-    else:
-        dut = fit_dmdc(segments, delays=1 if name == "DMDc" else 10)
-    arguments = unseen.chi, unseen.zeta, np.arange(12, 60), [0, 1, 4, 15]
-    found, expected = (
-        model_predictions(p, *arguments, zeta_known=known) for p in (dut, one_by_one(dut))
-    )
-    np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
 def test_the_label_is_held_until_the_window_is_full_or_while_missing():

@@ -8,9 +8,8 @@ import torch
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from np_drake.lifting.model.lifted_linear_system import advance, stabilized
+from np_drake.lifting.model.lifted_linear_system import RADIUS, advance, stabilized
 from np_drake.lifting.model.lifted_model import PAPER
-from np_drake.lifting.model.window_refit import RADIUS
 from np_drake.lifting.training.paper_training import (
     PaperConfig,
     PaperTrainer,
