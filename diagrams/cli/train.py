@@ -47,7 +47,7 @@ from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMA, PayloadFilterModel
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
-from np_drake.residual_models.motion_model import KNODE, REACTIONS, MotionModel
+from np_drake.residual_models.motion_model import KNODE, REACTIONS
 from np_drake.residual_models.predictor_training import train_motion_model, train_on_flights
 from np_drake.skill.skill import Model, diverged, flight_stability, label_distances, score_flights
 from np_drake.training_data.accelerations import with_accelerations
@@ -145,7 +145,8 @@ def train(
     if configuration in REACTIONS:
         head: dict[str, Any] = {"seed": run.seed}
         head |= {"epochs": epochs} if epochs and configuration == KNODE else {}
-        learnt, loss, wall = train_reaction(configuration, flights, step=step, settings=head)
+        learn = partial(train_motion_model, configuration, flights, step=step, **head)
+        (learnt, loss), wall = behind_bar(f"training {configuration}", learn)
         learnt.save(out)
         summary = learnt.summary
         rmse = [round(value, 4) for value in summary["label_rmse"]]
@@ -165,8 +166,8 @@ def train(
         elif family is not None:
             result, wall = TrainingResult(family, []), time.perf_counter() - start
         else:
-            learn = partial(train_on_flights, flights, config, step=step)
-            result, wall = behind_bar(f"training {configuration}", learn)
+            teach = partial(train_on_flights, flights, config, step=step)
+            result, wall = behind_bar(f"training {configuration}", teach)
         save_model(result.model, out)
         loss, summary = result.loss, result.model.summary
         head = {"configuration": configuration, "step": step, **dc.asdict(config)}
@@ -237,21 +238,6 @@ def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float)
         metrics={"wall": wall, "summary": model.summary},
         notes=[f"model: {out}"],
     )
-
-
-def train_reaction(
-    name: str, flights: Sequence[Flight], *, step: float, settings: dict
-) -> tuple[MotionModel, list[float], float]:
-    """Return gp or knode trained, its loss, and how long the training took [s]."""
-    vehicle = flights[0].vehicle
-    require(
-        all(flight.vehicle == vehicle for flight in flights),
-        f"{name}: all flights must be of one vehicle; give them one --vehicle FILE.",
-    )
-    data = [flight.data for flight in flights]
-    learn = partial(train_motion_model, name, data, vehicle, step=step, **settings)
-    (model, loss), wall = behind_bar(f"training {name}", learn)
-    return model, loss, wall
 
 
 def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
