@@ -17,13 +17,7 @@ from np_drake.checks import require
 from np_drake.files.file_access import parse_json, write_bytes
 from np_drake.labels import LabelConfig
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
-from np_drake.lifting.model.lifted_linear_system import (
-    DelayEncoder,
-    LiftedLinearSystem,
-    Phi,
-    Trust,
-    advance,
-)
+from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem, Phi, Trust
 from np_drake.lifting.model.neural_family import NeuralFamily
 from np_drake.vehicle import Vehicle
 
@@ -110,15 +104,6 @@ class LiftedModel:
         if not isinstance(self.encoder, NeuralFamily):
             return self
         return dc.replace(self, configuration=LIFTED, encoder=self.encoder.plain)
-
-    def lift(self, window: np.ndarray) -> np.ndarray:
-        """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
-        if isinstance(self.encoder, AdaptiveFamily):
-            return self.encoder.read(window, self.encoder.mean)[1]
-        if isinstance(self.encoder, DelayEncoder):
-            return self.encoder(window)
-        z, s = self.encoder(window[..., -1, :6]), self.system
-        return advance(z, s.A, s.B, self.since_label(window))
 
     def since_label(self, window: np.ndarray) -> np.ndarray:
         """Return the zeta (..., late, 6) from the time of the newest label on, of samples (..., n,

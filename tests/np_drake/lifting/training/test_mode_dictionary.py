@@ -95,7 +95,7 @@ def test_an_unseen_flight_is_predicted_better_than_by_any_naive_row(dut, known):
 def test_a_held_zeta_leaves_the_held_forecast(model):
     """B acts on what the coming motion adds."""
     window = np.hstack([flight(2).chi, flight(2).zeta])[:30]
-    s, z = model.system, model.lift(window)
+    s, z = model.system, model.encoder(window)
     without = dc.replace(s, A=s.A.copy(), B=0 * s.B)
     without.A[:-6, -6:] = 0.0
     for _ in range(40):
