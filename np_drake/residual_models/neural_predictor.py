@@ -194,8 +194,7 @@ class WindowRefit:
             raise ValueError(
                 "WindowRefit: the encoder must be Phi; a delay encoder flies with its offline A, B."
             )
-        if not model.ridge > 0:
-            raise ValueError(f"WindowRefit: ridge must be positive; got {model.ridge}.")
+        require(model.ridge > 0, f"WindowRefit: ridge must be positive; got {model.ridge}.")
         self.model, self.phi = model, model.encoder
         self._scale = model.zeta_scale
         self._pull = model.ridge * np.hstack([model.system.A, model.system.B * self._scale])

@@ -110,11 +110,11 @@ def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
         f"Segment: all segments must share one step [s]; got {steps.min()} to {steps.max()}.",
     )
     long = [segment for segment in checked if len(segment) >= shortest]
-    if not long:
-        longest = max(map(len, checked))
-        raise ValueError(
-            f"Segment: at least {shortest} samples in one piece are needed; got {longest}."
-        )
+    require(
+        long,
+        f"Segment: at least {shortest} samples in one piece are needed; got "
+        f"{max(map(len, checked))}.",
+    )
     return long
 
 

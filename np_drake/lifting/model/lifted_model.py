@@ -76,9 +76,11 @@ class LiftedModel:
             isinstance(self.encoder, kind),
             f"LiftedModel: {self.configuration} must have {kind.__name__}.",
         )
-        if self.encoder.K != self.system.K:
-            sizes = f"{self.encoder.K} and {self.system.K}"
-            raise ValueError(f"LiftedModel: encoder and system must agree on K; got {sizes}.")
+        require(
+            self.encoder.K == self.system.K,
+            f"LiftedModel: encoder and system must agree on K; got {self.encoder.K} and "
+            f"{self.system.K}.",
+        )
         require(
             0 <= self.late < self.window,
             f"LiftedModel: late must be 0 to less than the window; got {self.late}.",
@@ -185,10 +187,10 @@ def summary_in(header: dict[str, Any]) -> dict[str, Any]:
     if there is none.
     """
     summary = dict(header["summary"])
-    if not isinstance(summary.get("origin", {}), dict):
-        raise ValueError(
-            f"summary.origin must be names with their values; got {summary['origin']!r}."
-        )
+    origin = summary.get("origin", {})
+    require(
+        isinstance(origin, dict), f"summary.origin must be names with their values; got {origin!r}."
+    )
     lag = summary.get("rotor_lag", 0.0)
     require(
         isinstance(lag, int | float) and 0 <= lag < 10,
