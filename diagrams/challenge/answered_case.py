@@ -70,8 +70,7 @@ def read_checked(path: Path, form: Validator) -> dict[str, Any]:
         wrong = violation(form, content) if isinstance(content, dict) else wrong
     except (ValueError, RecursionError):  # no JSON; too deep to be read or to be quoted
         pass
-    if wrong is not None:
-        raise ValueError(f"{path}: {wrong}")
+    require(wrong is None, f"{path}: {wrong}")
     return content
 
 

@@ -23,11 +23,11 @@ from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_model import ResidualModel
+from np_drake.residual_models.flight_forecasts import MOTIONS, flight_forecasts
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.linear_baselines import fit_dmdc, fit_force_ridge
 from np_drake.residual_models.motion_model import GP, MotionModel, fit_gaussian_process
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.skill import MOTIONS, flight_forecasts
 from np_drake.training_data.segments import Segment, sampled_flight
 from np_drake.vehicle import Vehicle
 

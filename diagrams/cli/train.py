@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-import numpy as np
 from typer import Argument, Option
 
 from diagrams.batch.run import FailedRun, require
@@ -28,9 +27,10 @@ from diagrams.cli.verb import (
 )
 from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import training_flight
-from diagrams.studies.options import Neurobem, tabulate
+from diagrams.studies.options import tabulate
 from np_drake.files.figure_file import new_figure, save
 from np_drake.files.number_text import number
+from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_model import (
     BY_AXES,
     FAMILIES,
@@ -44,24 +44,16 @@ from np_drake.lifting.model.lifted_model import (
     schema_of,
 )
 from np_drake.logs import opening
-from np_drake.logs.formats.neurobem import (
-    RACE_TRACK,
-    TRAINING,
-    is_array,
-    published_vehicle,
-    read_wrenches,
-)
-from np_drake.payload_filter.model_file import SCHEMAS, PayloadFilterModel
+from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMA, PayloadFilterModel
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
-from np_drake.residual_models.linear_baselines import fit_all
-from np_drake.residual_models.motion_model import KNODE, REACTIONS, MotionModel
+from np_drake.residual_models.motion_model import KNODE, REACTIONS
 from np_drake.skill.skill import Model, diverged, flight_stability, label_distances, score_flights
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.segments import Flight, WrenchSequence, require_motion, require_torque
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.scaling import sampling_period
 
-PAYLOAD_FILTER = "payload_filter"
 SCENARIOS = (".yaml", ".yml")  # files that are flown
 T = TypeVar("T")
 Epochs = Annotated[
@@ -131,7 +123,7 @@ def train(
         require_motion(flights)
     from diagrams.studies import learning  # with torch: what is refused is so before it is loaded
     from np_drake.lifting.training.train import TrainingResult, make_config
-    from np_drake.residual_models.predictor_training import train_on_flights
+    from np_drake.residual_models.predictor_training import train_motion_model, train_on_flights
 
     flown = flights[0].vehicle if flights else load_vehicle(vehicle) if vehicle else Vehicle()
     step = step or sampling_period(flown)
@@ -148,7 +140,9 @@ def train(
     if family is not None:
         family = family.without_network if name == LIFTED else family
         name = family.configuration
-    configuration = configuration_for(name, frame)
+    configuration = name or BY_AXES[frame]
+    if not name:
+        say(f"configuration: {configuration}, as the wrenches are in {frame} axes.")
     require(
         configuration in FAMILIES or not envelope,
         f"--envelope: must be of {' | '.join(FAMILIES)}; got {configuration}.",
@@ -158,7 +152,8 @@ def train(
     if configuration in REACTIONS:
         head: dict[str, Any] = {"seed": run.seed}
         head |= {"epochs": epochs} if epochs and configuration == KNODE else {}
-        learnt, loss, wall = train_reaction(configuration, flights, step=step, settings=head)
+        learn = partial(train_motion_model, configuration, flights, step=step, **head)
+        (learnt, loss), wall = behind_bar(f"training {configuration}", learn)
         learnt.save(out)
         summary = learnt.summary
         rmse = [round(value, 4) for value in summary["label_rmse"]]
@@ -178,8 +173,8 @@ def train(
         elif family is not None:
             result, wall = TrainingResult(family, []), time.perf_counter() - start
         else:
-            learn = partial(train_on_flights, flights, config, step=step)
-            result, wall = behind_bar(f"training {configuration}", learn)
+            teach = partial(train_on_flights, flights, config, step=step)
+            result, wall = behind_bar(f"training {configuration}", teach)
         save_model(result.model, out)
         loss, summary = result.loss, result.model.summary
         head = {"configuration": configuration, "step": step, **dc.asdict(config)}
@@ -208,18 +203,8 @@ def train(
         metrics={"loss": loss, "wall": wall, "summary": summary},
         lines=[f"excitation: {summary['excitation']}", *lines],
         notes=notes,
-        warnings=noted([flight.data for flight in flights]),
+        warnings=noted(read_from(flights)),
     )
-
-
-def configuration_for(name: str, frame: str) -> str:
-    """Return the configuration to train, and say which where none was named; wrenches are in world
-    or body axes.
-    """
-    configuration = name or BY_AXES[frame]
-    if not name:
-        say(f"configuration: {configuration}, as the wrenches are in {frame} axes.")
-    return configuration
 
 
 def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float) -> Report:
@@ -249,25 +234,8 @@ def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float)
         config={"configuration": PAYLOAD_FILTER, "step": step},
         metrics={"wall": wall, "summary": model.summary},
         notes=[f"model: {out}"],
-        warnings=noted([flight.data for flight in flights]),
+        warnings=noted(read_from(flights)),
     )
-
-
-def train_reaction(
-    name: str, flights: Sequence[Flight], *, step: float, settings: dict
-) -> tuple[MotionModel, list[float], float]:
-    """Return gp or knode trained, its loss, and how long the training took [s]."""
-    from np_drake.residual_models.predictor_training import train_motion_model
-
-    vehicle = flights[0].vehicle
-    require(
-        all(flight.vehicle == vehicle for flight in flights),
-        f"{name}: all flights must be of one vehicle; give them one --vehicle FILE.",
-    )
-    data = [flight.data for flight in flights]
-    learn = partial(train_motion_model, name, data, vehicle, step=step, **settings)
-    (model, loss), wall = behind_bar(f"training {name}", learn)
-    return model, loss, wall
 
 
 def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
@@ -306,8 +274,8 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
         if isinstance(found, opening.Opened):
             log = next(logs)
             own = vehicle or log.vehicle or Vehicle()
-            for data in map(require_torque, log.flights):
-                flights.append(Flight(with_accelerations(data), own))
+            for data in map(with_accelerations, map(require_torque, log.flights)):
+                flights.append(Flight(data, own))
         elif isinstance(found, WrenchSequence):
             flights.append(Flight(found, vehicle or published_vehicle()))
         else:
@@ -321,6 +289,11 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
     return flights
 
 
+def read_from(flights: Sequence[Flight]) -> list[FlightLog]:
+    """Return the logs among flights; the others are arrays, of which readers say nothing."""
+    return [flight.data for flight in flights if isinstance(flight.data, FlightLog)]
+
+
 def require_one_frame(flights: list[Flight]) -> None:
     """Check that total wrenches in body axes are not mixed with residual ones in W."""
     require(
@@ -330,57 +303,37 @@ def require_one_frame(flights: list[Flight]) -> None:
     )
 
 
-TRAINED = ("paper", "")  # "": the one that suits the axes of the flights
 HORIZONS = "1,5,10,20,40"
 FARTHEST = 10**6  # steps ahead, own choice; flights are shorter
 MOTIONS = ("held", "known")  # what a forecast knows of the coming zeta
 
 
-@reports("evaluate", seed=0, markdown=False)
+@reports("evaluate", seed=None, markdown=False)
 def evaluate(
     run: Run,
-    logs: Annotated[list[Path] | None, Argument(metavar="LOG…", help=LOG_HELP)] = None,
+    logs: Annotated[list[Path], Argument(metavar="LOG…", help=LOG_HELP)],
     predictor: Annotated[
-        Path | None, Option(metavar="FILE", help="Model file; default: the one in the package.")
-    ] = None,
-    train: Annotated[
-        list[Path] | None,
-        Option(metavar="LOG", help="Train both configurations on it; repeatable."),
-    ] = None,
-    neurobem: Neurobem = None,
+        Path, Option(metavar="FILE", help="Model file; default: the one in the package.")
+    ] = NP_MODEL,
     horizons: Annotated[str, Option(help="Steps ahead, comma-separated.")] = HORIZONS,
-    epochs: Epochs = None,
-    step: Step = None,
     vehicle: VehicleFile = None,
-    force: Force = False,
 ) -> Report:
-    """Score predictors on flights; without any: train on the paper's segment, score on race track
-    1.
+    """Score a predictor on flights that it was not trained on.
 
     Twice: with the coming motion (zeta) held at its last value, as a predictor alone would have to,
     and known.
     """
     steps = parse_horizons(horizons)
-    train, logs = _choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
-    loaded = {} if train else load(predictor or NP_MODEL)
-    tests = open_flights(logs, vehicle)
-    training = open_flights(train, vehicle)
-    require_one_frame([*training, *tests])
-    step = step or sampling_period(tests[0].vehicle)
-    if not force:
-        require_motion(training)
-    models = loaded or _train_all(training, step=step, seed=run.seed, epochs=epochs)
-    base, rows = _train_baselines(training, steps, step), list[dict]()
+    model = load(predictor)
+    tests, rows = open_flights(logs, vehicle), list[dict]()
     for zeta in MOTIONS:
-        with run.counting(f"scoring, coming motion {zeta}") as on_model:
-            rows += score_flights(models, tests, steps, zeta=zeta, on_model=on_model, **base)
-    windows, distances = flight_stability(models, tests), label_distances(models, tests)
-    settings = {"configurations": list(models), "horizons": steps, "step": step}
-    settings |= {"training": [flight.data.name for flight in training]}
+        with run.counting(f"scoring, coming motion {zeta}") as on_flight:
+            rows += score_flights(model, tests, steps, zeta=zeta, on_flight=on_flight)
+    windows, distances = flight_stability(model, tests), label_distances(model, tests)
     said = tabulate(
         "stability of the forecasts; spectral radius above 1: unstable",
         windows,
-        [(key, key) for key in ("model", "flight", "windows", "unstable", "pulled", "largest")],
+        [(key, key) for key in ("model", "flight", "windows", "unstable", "largest")],
     )
     unfiltered = [
         f"{line['model']} forecasts without low-pass; such labels of {line['flight']} are "
@@ -390,10 +343,10 @@ def evaluate(
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
         [*(t for zeta in MOTIONS for t in tables(rows, zeta)), said],
-        config=settings,
+        config={"configuration": model.configuration, "horizons": steps, "step": model.step},
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
         notes=unfiltered,
-        warnings=noted([flight.data for flight in (*training, *tests)]),
+        warnings=noted(read_from(tests)),
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
         if lost
         else None,
@@ -411,65 +364,11 @@ def parse_horizons(text: str) -> list[int]:
     return sorted({int(part) for part in parts})
 
 
-def _choose_flights(
-    train: list[Path], logs: list[Path], predictor: Path | None, neurobem: Path | None
-) -> tuple[list[Path], list[Path]]:
-    """Return the flights to train on and to score; the paper's where none are given."""
-    require(not (predictor and train), "--predictor is trained already; leave out --train.")
-    if logs:
-        named = [path.resolve() for path in (*train, *logs)]
-        if twice := [path for path in (*train, *logs) if named.count(path.resolve()) > 1]:
-            raise ValueError(
-                f"{twice[0]}: must be given once; a flight to score must be held out of training."
-            )
-        return train, logs
-    require(not (predictor or train), "give the flights to score: np-drake evaluate LOG….")
-    if neurobem is None:
-        raise ValueError(
-            "give flights, or the folder of the NeuroBEM flights as --neurobem DIR or "
-            "NP_DRAKE_NEUROBEM."
-        )
-    say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")
-    return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]
-
-
-def _train_baselines(flights: list[Flight], horizons: list[int], step: float) -> dict[str, Any]:
-    """Train the baselines and return `baselines` and `mean` as `score_flights` takes them; empty
-    without flights.
-    """
-    if not flights:
-        return {}
-    segments = [segment for flight in flights for segment in flight.segments(step)]
-    mean = np.concatenate([segment.goal for segment in segments]).mean(axis=0)
-    return {"baselines": dict(fit_all(segments, np.unique([0, *horizons]))), "mean": mean}
-
-
-def load(path: Path) -> dict[str, Model]:
-    """Load the model of a file, lifted linear system or payload filter; return it by its
-    configuration.
-    """
-    if schema_of(path) in SCHEMAS:
-        return {PAYLOAD_FILTER: PayloadFilterModel.load(path)}
-    model = load_model(path)
-    return {model.configuration: model}
-
-
-def _train_all(
-    flights: list[Flight], *, step: float, seed: int, epochs: int | None
-) -> dict[str, Model]:
-    """Train both configurations on the same flights."""
-    from np_drake.lifting.training.train import make_config
-    from np_drake.lifting.training.train import train as train_lifted
-
-    segments = [segment for flight in flights for segment in flight.segments(step)]
-    models: dict[str, Model] = {}
-    for asked in TRAINED:
-        name = configuration_for(asked, flights[0].frame)
-        config = make_config(name, frame=flights[0].frame, seed=seed, epochs=epochs)
-        result, wall = behind_bar(f"training {name}", partial(train_lifted, segments, config))
-        say(f"{name}: {wall:.1f} s, {result.model.summary.get('excitation', '')}")
-        models[name] = result.model
-    return models
+def load(path: Path) -> Model:
+    """Return the model of a file, lifted linear system or payload filter."""
+    if schema_of(path) == SCHEMA:
+        return PayloadFilterModel.load(path)
+    return load_model(path)
 
 
 def tables(rows: list[dict[str, Any]], zeta: str) -> list[Table]:

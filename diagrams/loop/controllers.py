@@ -22,7 +22,7 @@ from np_drake.labels import LabelConfig, ReadsLabels, labelled
 from np_drake.lifting.model.lifted_model import Trained, origin_of, require_origin, schema_of
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.solvers import make_solver
-from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMAS
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMA
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.base import Reference
 from np_drake.residual_model import ReadsPlan, ResidualModel
@@ -284,7 +284,7 @@ def kind_of_model(path: str) -> str:
     schema = schema_of(path)
     if schema == motion_model.SCHEMA:
         return motion_model.MotionModel.load(path).name
-    if schema in SCHEMAS:
+    if schema == SCHEMA:
         return PAYLOAD_FILTER
     NeuralPredictorModel.load(path)
     return "np"

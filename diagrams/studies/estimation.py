@@ -23,10 +23,10 @@ from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.logs.formats.neurobem import read_training, read_wrenches, table_files
-from np_drake.residual_model import FlightForecasts
+from np_drake.residual_models.flight_forecasts import model_predictions
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.skill import naive_predictions, stability_of
-from np_drake.training_data.segments import Segment
+from np_drake.skill.skill import naive_predictions, walked_stability
+from np_drake.training_data.segments import Segment, of_wrenches
 
 CHANNELS = {  # of chi, in each column
     **{"F_x": [0], "F_y": [1], "F_z": [2], "tau_x": [3], "tau_y": [4], "tau_z": [5]},
@@ -151,15 +151,14 @@ def trained(run: Run, training: Segment) -> tuple[dict[str, LiftedModel], dict[s
     return models, {name: dc.asdict(config) for name, config in settings.items()}
 
 
-def forecasts(model: LiftedModel, flight: Segment) -> FlightForecasts:
-    """Return all forecasts of a model on a flight, force and torque predicted; ValueError if it is
-    too short.
+def forecasts(model: LiftedModel, flight: Segment, origins: np.ndarray, ahead: int) -> np.ndarray:
+    """Return forecasts of the label so many steps ahead, (o, 1, 6), force and torque predicted and
+    zeta held; ValueError if the flight is too short.
     """
+    least = model.warm_up + 2
+    require(len(flight) >= least, f"at least {least} samples are needed; got {len(flight)}.")
     predictor = NeuralPredictor(model, torque="predict")
-    course = predictor.along(flight.chi, flight.zeta)
-    if course is None or len(flight) < model.warm_up + 2:
-        raise ValueError(f"at least {model.warm_up + 2} samples are needed; got {len(flight)}.")
-    return course
+    return model_predictions(predictor, flight.chi, flight.zeta, origins, [ahead], zeta_known=False)
 
 
 def flight_errors(
@@ -168,12 +167,12 @@ def flight_errors(
     """Return of a case {"flight", "model": configuration} the errors by column of forecasts one
     step ahead, from every origin of the flight from the first on, and the stability of its windows.
     """
-    flight = flown[case["flight"]]
+    flight, model = flown[case["flight"]], models[case["model"]]
     origins = np.arange(first, len(flight.chi) - 1)
-    course = forecasts(models[case["model"]], flight)
-    chi_hat = course.at([1], origins, flight.zeta, zeta_known=False)
-    errors = column_rmse(chi_hat[:, 0] - flight.chi[origins + 1])
-    return {"errors": errors, "stability": dc.asdict(stability_of(course))}
+    errors = column_rmse(forecasts(model, flight, origins, 1)[:, 0] - flight.chi[origins + 1])
+    seen = of_wrenches(flight.chi, flight.zeta, flight.step)
+    stability = walked_stability(NeuralPredictor(model), seen, model.warm_up - 1)
+    return {"errors": errors, "stability": dc.asdict(stability)}
 
 
 Cells = dict[str, dict[str, dict[str, float]]]  # flight -> row -> column -> RMSE [N, N·m]
@@ -267,8 +266,7 @@ def window_figure(
     rows = np.arange(*np.rint(np.array(span) / flight.step).astype(int))
     found = naive_predictions(flight.chi, rows - FAR, [FAR], np.zeros(6))
     for name, model in models.items():
-        course = forecasts(model, flight)
-        found[OURS[name]] = course.at([FAR], rows - FAR, flight.zeta, zeta_known=False)
+        found[OURS[name]] = forecasts(model, flight, rows - FAR, FAR)
     t, label, panels = flight.step * rows, flight.chi[rows], []
     for c, name in enumerate(COLUMNS[:6]):
         reach = 1.5 * np.abs(label[:, c]).max()  # what shoots beyond would flatten all others
@@ -309,8 +307,7 @@ def piece_errors(
     """
     segment = pieces(training, case["samples"])[case["piece"]]
     origins = np.arange(FIRST, len(test.chi) + LAST)
-    course = forecasts(train([segment], configs[case["row"]]).model, test)
-    chi_hat = course.at([1], origins, test.zeta, zeta_known=False)
+    chi_hat = forecasts(train([segment], configs[case["row"]]).model, test, origins, 1)
     return _lengths(chi_hat[:, 0] - test.chi[origins + 1])
 
 

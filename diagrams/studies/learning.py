@@ -83,17 +83,17 @@ def train_model(
     """
     controller, vehicle, log = flight.config.controller, flight.config.vehicle, flight.log()
     log = log.rows(int(np.argmax(flight.scored)), len(log))
-    step, label = controller.period, controller.label
+    step, label, flights = controller.period, controller.label, [Flight(log, vehicle)]
     if configuration in REACTIONS:
         how: dict[str, Any] = {"step": step, "label": label, "seed": seed}
-        reaction, _ = train_motion_model(configuration, [log], vehicle, **how)
+        reaction, _ = train_motion_model(configuration, flights, **how)
         reaction.save(path)
         return reaction.summary
     if configuration == PAYLOAD_FILTER:
         payload_filter = train_payload_filter([(log, vehicle)], step=step)
         payload_filter.save(path)
         return payload_filter.summary
-    flights, model = [Flight(log, vehicle)], None
+    model = None
     if configuration in FAMILIES:
         model, _ = placed_family(flights, step=step, label=label)
     if model is None:

@@ -24,7 +24,6 @@ class AttitudeLatency(SensorEffect):
 
     role = "nuisance"
     named = "a latency of the attitude"
-    grows_with = "rate"
     linear = False
     small = True
     corrupts = ("qw", "qx", "qy", "qz")

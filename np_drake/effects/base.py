@@ -177,9 +177,6 @@ class Effect:
     told_from: ClassVar[
         Mapping[str, str]
     ] = {}  # identifier of another effect: manoeuvre that tells the two
-    grows_with: ClassVar[str] = (
-        ""  # speed | rate | torque | duration, without which it leaves no trace
-    )
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)

@@ -28,7 +28,6 @@ class BladeFlapping(WrenchEffect):
     requires = ("velocity",)
     constant = True
     excited_by = "level sprints with sudden reversals"
-    grows_with = "speed"
     feels_rotor_rate = False
     pushes = False
     parameters = (

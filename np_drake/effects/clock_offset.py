@@ -24,7 +24,6 @@ class ClockOffset(SensorEffect):
     either_sign = True
     bench_check = "synchronise the clocks of state and command"
     excited_by = "sharp doublets"
-    grows_with = "torque"
     requires = ("commands", "velocity")
     shifts_commands = True
     pure_delay = True

@@ -21,7 +21,6 @@ class CommandDelay(ActuatorEffect):
     drawn = (0.004, 0.04)
     bench_check = "log rotor speed, and compare it with the command"
     excited_by = "sharp doublets, and a log of rotor speed"
-    grows_with = "torque"
     told_from = {"clock_offset": "log rotor speed: a delay shows there, a clock offset does not"}
     requires = ("commands",)
     shifts_commands = True

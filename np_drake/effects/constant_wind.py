@@ -26,7 +26,6 @@ class ConstantWind(WrenchEffect):
     rise = 0.1
     bench_check = "measure the wind, or fly indoors"
     excited_by = "the same sprint in opposite directions, and with two headings"
-    grows_with = "speed"
     needs = ("linear_drag", "quadratic_drag")
     linear = False
     parameters = tuple(

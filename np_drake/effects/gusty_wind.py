@@ -30,7 +30,6 @@ class GustyWind(WrenchEffect):
     phrase = "a gusty wind of {deviation} deviation"
     bench_check = "measure the wind, or fly indoors"
     excited_by = "hover for a minute, then fly the same place again"
-    grows_with = "speed"
     needs = ("linear_drag", "quadratic_drag")
     linear = False
     parameters = (

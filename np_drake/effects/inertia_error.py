@@ -22,7 +22,6 @@ class InertiaError(MassEffect):
     named = "an inertia error"
     shares = True
     excited_by = "fast doublets about all three axes"
-    grows_with = "torque"
     requires = ("torque",)
     parameters = tuple(
         Parameter(

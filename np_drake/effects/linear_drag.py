@@ -32,7 +32,6 @@ class LinearDrag(WrenchEffect):
 
     requires = ("velocity",)
     excited_by = "sprints at several speeds in both horizontal directions and vertically"
-    grows_with = "speed"
     feels_rotor_rate = False
     turns = False
     prior_correlation = ALIKE

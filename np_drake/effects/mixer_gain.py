@@ -26,7 +26,6 @@ class MixerGain(WrenchEffect):
     role = "mixer"
     named = "a gain of the mixer"
     shares = True
-    grows_with = "torque"
     begins = False
     feels_rotor_rate = False
     pushes = False

@@ -20,7 +20,6 @@ class MotorLag(ActuatorEffect):
 
     bench_check = "measure the response of a rotor to a step"
     excited_by = "sharp doublets, and a log of rotor speed"
-    grows_with = "torque"
     requires = ("commands",)
     shifts_commands = True
     linear = False

@@ -23,7 +23,6 @@ class RotorGyroscopic(WrenchEffect):
     constant = True
     named = "the rotors' gyroscopic moment"
     excited_by = "roll and pitch doublets while yawing hard"
-    grows_with = "rate"
     pushes = False
     parameters = (
         Parameter(

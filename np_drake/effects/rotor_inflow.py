@@ -32,7 +32,6 @@ class RotorInflow(WrenchEffect):
     named = "inflow of the rotors"
     drawn = (0.05, 1.5)
     excited_by = "fast climbs and descents with level attitude, then sprints at constant height"
-    grows_with = "speed"
     requires = ("velocity",)
     begins = False
     feels_rotor_rate = False

@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 
-from np_drake import attitude
 from np_drake.compiled import compiled, turned
 from np_drake.effects.base import Measurement
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
@@ -28,53 +27,50 @@ class SensorNoise:
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the noisy reading; `white`: (..., 22) standard normal [1]."""
-        n = self.noise
-        if truth.x.ndim == 1:  # one instant of the simulator
-            return self._measure_once(vehicle, truth, white)
-        x = np.array(truth.x, float)
-        x[..., 0:3] += n.position * white[..., 0:3]
-        error = np.ones((*white.shape[:-1], 4))
-        error[..., 1:] = 0.5 * n.attitude * white[..., 3:6]
-        q = attitude.multiply(truth.x[..., 3:7], error)
-        x[..., 3:7] = q / np.linalg.norm(q, axis=-1, keepdims=True)
-        x[..., 7:10] += n.velocity * white[..., 6:9]
-        x[..., 10:13] += n.rate * white[..., 9:12]
-        g = np.array([0.0, 0.0, vehicle.gravity])
-        specific = (
-            attitude.rotate_back(truth.x[..., 3:7], truth.a + g)
-            + n.acceleration * white[..., 12:15]
-        )
-        return Measurement(
-            x=x,
-            a=attitude.rotate(x[..., 3:7], specific) - g,
-            al=truth.al + n.angular_acceleration * white[..., 15:18],
-            rotor=truth.rotor + self.rotor * white[..., 18:22],
-        )
-
-    def _measure_once(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
-        n, x, a = self.noise, np.empty(13), np.empty(3)
+        n, x, a = self.noise, np.empty(truth.x.shape), np.empty(truth.a.shape)
         deviations = (n.position, n.attitude, n.velocity, n.rate, n.acceleration)
-        _read(truth.x, truth.a, white, *map(float, deviations), float(vehicle.gravity), x, a)
-        al = truth.al + n.angular_acceleration * white[15:18]
-        return Measurement(x=x, a=a, al=al, rotor=truth.rotor + self.rotor * white[18:22])
+        rows = [
+            np.ascontiguousarray(v, float).reshape(-1, v.shape[-1])
+            for v in (truth.x, truth.a, white)
+        ]
+        settings = (*map(float, deviations), float(vehicle.gravity))
+        _read(*rows, *settings, x.reshape(-1, 13), a.reshape(-1, 3))
+        al = truth.al + n.angular_acceleration * white[..., 15:18]
+        rotor = truth.rotor + self.rotor * white[..., 18:22]
+        return Measurement(x=x, a=a, al=al, rotor=rotor)
 
 
 @compiled
-def _read(truth, a_true, white, position, attitude, velocity, rate, acceleration, gravity, x, a):
-    """Write the noisy state x (13,) and acceleration a (3,) of `SensorNoise.measure`."""
-    for k in range(3):
-        x[k] = truth[k] + position * white[k]
-        x[7 + k] = truth[7 + k] + velocity * white[6 + k]
-        x[10 + k] = truth[10 + k] + rate * white[9 + k]
+def _read(
+    truth,
+    a_true,
+    white,
+    position,
+    attitude,
+    velocity,
+    rate,
+    acceleration,
+    gravity,
+    states,
+    specific,
+):
+    """Write the noisy states (n, 13) and accelerations (n, 3) of `SensorNoise.measure`."""
     half = 0.5 * attitude
-    i, j, k = half * white[3], half * white[4], half * white[5]
-    q_w, q_x, q_y, q_z = truth[3], truth[4], truth[5], truth[6]
-    w, b = q_w - q_x * i - q_y * j - q_z * k, q_w * i + q_x + q_y * k - q_z * j
-    c, d = q_w * j - q_x * k + q_y + q_z * i, q_w * k + q_x * j - q_y * i + q_z
-    size = math.sqrt(w * w + b * b + c * c + d * d)
-    x[3], x[4], x[5], x[6] = w / size, b / size, c / size, d / size
-    s_x, s_y, s_z = turned(q_w, -q_x, -q_y, -q_z, a_true[0], a_true[1], a_true[2] + gravity)
-    s_x, s_y = s_x + acceleration * white[12], s_y + acceleration * white[13]
-    s_z += acceleration * white[14]
-    a[0], a[1], a[2] = turned(x[3], x[4], x[5], x[6], s_x, s_y, s_z)
-    a[2] -= gravity
+    for row in range(len(truth)):
+        true, drawn, x, a = truth[row], white[row], states[row], specific[row]
+        for k in range(3):
+            x[k] = true[k] + position * drawn[k]
+            x[7 + k] = true[7 + k] + velocity * drawn[6 + k]
+            x[10 + k] = true[10 + k] + rate * drawn[9 + k]
+        i, j, k = half * drawn[3], half * drawn[4], half * drawn[5]
+        q_w, q_x, q_y, q_z = true[3], true[4], true[5], true[6]
+        w, b = q_w - q_x * i - q_y * j - q_z * k, q_w * i + q_x + q_y * k - q_z * j
+        c, d = q_w * j - q_x * k + q_y + q_z * i, q_w * k + q_x * j - q_y * i + q_z
+        size = math.sqrt(w * w + b * b + c * c + d * d)
+        x[3], x[4], x[5], x[6] = w / size, b / size, c / size, d / size
+        felt = a_true[row]
+        s_x, s_y, s_z = turned(q_w, -q_x, -q_y, -q_z, felt[0], felt[1], felt[2] + gravity)
+        s_x, s_y = s_x + acceleration * drawn[12], s_y + acceleration * drawn[13]
+        s_z += acceleration * drawn[14]
+        a[0], a[1], a[2] = turned(x[3], x[4], x[5], x[6], s_x, s_y, s_z)
+        a[2] -= gravity

@@ -22,7 +22,6 @@ class ThrustDrift(ActuatorEffect):
     phrase = "a drift of thrust of {rate}"
     bench_check = "log the battery's voltage, and look whether it sags"
     excited_by = "the same manoeuvre at the start and at the end of a longer flight"
-    grows_with = "duration"
     requires = ("thrust",)
     parameters = (
         Parameter("start", "1", 1.0, 0.4, 1.6, 0.1),

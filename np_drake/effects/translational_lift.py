@@ -27,7 +27,6 @@ class TranslationalLift(WrenchEffect):
 
     requires = ("velocity",)
     excited_by = "sprints at constant height, then hover"
-    grows_with = "speed"
     feels_rotor_rate = False
     turns = False
     parameters = (

@@ -91,13 +91,6 @@ def read_as_logged(
     return Opened(path, list(found.flights), found.sheet)
 
 
-def rotor_lift(log: FlightLog) -> np.ndarray:
-    """Return what stands for the lift of the rotors (n,), in any unit."""
-    if log.rotor is not None:
-        return np.sum(log.rotor**2, axis=1)
-    return log.u[:, 0] if log.throttle is None else log.throttle.mean(axis=1)
-
-
 def with_vehicle(
     logs: Sequence[Opened], vehicle: Vehicle | None, refused: list[LogError] | None = None
 ) -> list[Opened]:

@@ -10,16 +10,11 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
-from np_drake.lifting.model.lifted_model import read_model, schema_of, summary_in, write_model
+from np_drake.lifting.model.lifted_model import read_model, summary_in, write_model
 from np_drake.vehicle.scaling import Scales, over_paper
 
-PAYLOAD_FILTER, OLD_NAME = (
-    "payload_filter",
-    "pendulum",
-)  # name of the configuration, and its earlier one
+PAYLOAD_FILTER = "payload_filter"  # name of the configuration
 SCHEMA = "np_drake.payload_filter_model/1"  # format of the file and its version
-OLD_SCHEMA = "np_drake.pendulum_model/1"  # of the same content
-SCHEMAS = (SCHEMA, OLD_SCHEMA)
 NUMBERS = (
     *("step", "mass", "gravity", "rotor_lag", "delay"),
     *("thrust_error", "thrust_error_deviation", "drag", "drag_deviation", "arm"),
@@ -42,6 +37,8 @@ class PayloadFilterModel:
     arm: mean distance of the rotors from Bo, the unit of length in which payloads and swings are
         looked for [m].
     """
+
+    configuration = PAYLOAD_FILTER
 
     step: float  # between samples [s]
     mass: float  # that the labels assume [kg]
@@ -102,7 +99,7 @@ class PayloadFilterModel:
 
         Raises: ValueError: as `read_model`.
         """
-        return read_model(path, OLD_SCHEMA if schema_of(path) == OLD_SCHEMA else SCHEMA, cls._build)
+        return read_model(path, SCHEMA, cls._build)
 
     @classmethod
     def _build(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "PayloadFilterModel":

@@ -1,4 +1,4 @@
-"""Linear baselines: DMDc, delay DMDc and a ridge for every horizon.
+"""Linear baselines: DMDc, with delays too, and a ridge for every horizon.
 
 All are trained in closed form on the same segments, and nothing keeps them stable.
 """
@@ -10,18 +10,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake import rigid_body
 from np_drake.lifting.model.lifted_linear_system import DelayEncoder, DelayTaps, LiftedLinearSystem
-from np_drake.lifting.training.linear_fits import sample_scale, window_ridge
-from np_drake.residual_model import (
-    FlightForecasts,
-    Memory,
-    Sample,
-    WrenchForecast,
-    constant_forecast,
-)
+from np_drake.lifting.training.linear_fits import sample_scale
+from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.training_data.segments import Segment, check_segments
 
-DELAYS = 10  # samples that delay DMDc and the ridge see [1]
-NOISE = 1e-3  # of the ridge's samples, in units of their scale [1]
 # Of the ridge by groups: horizons that are fitted, and deviation of the features that a weight pays
 # for, in their standard deviation [1]
 GRID, GROUP_NOISE = 20, 0.1
@@ -80,11 +72,6 @@ class LinearBaseline(Windowed):
         s = self.system.resample(stride)
         return WrenchForecast(s.A, s.B, s.C, self._encoder(window), np.zeros((horizon, 6)))
 
-    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts:
-        """Return all forecasts of a flight chi, zeta (n, 6) without gaps."""
-        z, s = self._encoder.along(np.hstack([chi, zeta])), self.system
-        return FlightForecasts(self.window - 1, s.A, s.B, s.C, z, np.zeros((len(z), 6)))
-
 
 class RidgeBaseline(Windowed):
     """Separate linear map chi_hat_h = W_h [w; 1] for every fitted horizon; it ignores the coming
@@ -111,18 +98,9 @@ class RidgeBaseline(Windowed):
         self._W = np.concatenate([weights, constant[..., None]], axis=2)
 
     def _forecast(self, window: np.ndarray, horizon: int, stride: int) -> WrenchForecast:
-        steps = stride * np.arange(horizon)
-        return constant_forecast(
-            self._between(self._W @ np.append(window.ravel(), 1.0), steps), horizon
-        )
-
-    def _between(self, course: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Return forecasts of the fitted horizons, (H, 6), interpolated, (len(steps), 6)."""
-        steps = np.minimum(steps, self._horizons[-1])
-        right = np.clip(np.searchsorted(self._horizons, steps), 1, len(self._horizons) - 1)
-        low, high = self._horizons[right - 1], self._horizons[right]
-        share = ((steps - low) / (high - low))[:, None]
-        return (1 - share) * course[right - 1] + share * course[right]
+        steps, course = stride * np.arange(horizon), self._W @ np.append(window.ravel(), 1.0)
+        between = [np.interp(steps, self._horizons, channel) for channel in course.T]
+        return constant_forecast(np.stack(between, axis=1), horizon)
 
 
 def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1) -> LinearBaseline:
@@ -166,24 +144,6 @@ def _shift_register(weights: np.ndarray, step: float) -> tuple[LiftedLinearSyste
         if d > 0:
             E[past + 6 * (d - 1) : past + 6 * d, D - 1 - d, 6:] = np.eye(6)
     return LiftedLinearSystem(A, B, np.eye(6, K), step), E.reshape(K, -1)
-
-
-def fit_ridge(segments: Sequence[Segment], horizons: np.ndarray) -> RidgeBaseline:
-    """Fit the best linear map of the last `DELAYS` samples for every horizon (H,), ascending
-    [steps]; flights are weighted alike.
-    """
-    segments = check_segments(list(segments), DELAYS + int(horizons[-1]) + 1)
-    taps = DelayTaps(DELAYS, DELAYS, 0)
-    weights, constant = window_ridge(segments, taps, horizons, noise=NOISE, origins=4000)
-    return RidgeBaseline("ridge by horizon", segments[0].step, horizons, weights, constant)
-
-
-def fit_all(
-    segments: Sequence[Segment], horizons: np.ndarray
-) -> dict[str, LinearBaseline | RidgeBaseline]:
-    """Return every linear baseline, by name; horizons (H,) are those of the ridge [steps]."""
-    models = (fit_dmdc(segments), fit_dmdc(segments, delays=DELAYS), fit_ridge(segments, horizons))
-    return {model.name: model for model in models}
 
 
 def fit_force_ridge(segments: Sequence[Segment], *, span: float, horizon: float) -> RidgeBaseline:

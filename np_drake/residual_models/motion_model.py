@@ -256,10 +256,6 @@ class MotionModel:
         silent = constant_forecast(np.zeros(6), horizon)
         return dc.replace(silent, reaction=self.reaction, zeta=memory["zeta"])
 
-    def along(self, chi: np.ndarray, zeta: np.ndarray) -> "MotionForecasts":
-        """Return all forecasts of a flight chi, zeta (n, 6) without gaps; chi is not used."""
-        return MotionForecasts(0, self.reaction(zeta))
-
     def save(self, path: str | Path) -> None:
         """Write the model file, whole or not at all.
 
@@ -287,20 +283,3 @@ class MotionModel:
     def _build(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "MotionModel":
         reaction = REACTIONS[header["name"]].from_tensors(tensors)
         return cls(header["name"], reaction, number_in(header, "step", *STEPS), summary_in(header))
-
-
-@dc.dataclass
-class MotionForecasts:
-    """Forecasts of a `MotionModel` over a whole flight."""
-
-    first: int  # first sample
-    course: np.ndarray  # (n, 6) chi at each sample's own motion [N, N·m]
-
-    def at(
-        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
-    ) -> np.ndarray:
-        """Return chi_hat (o, len(horizons), 6) [N, N·m], with the coming motion known or held at
-        its last value.
-        """
-        rows = origins[:, None] + np.array(horizons) * zeta_known
-        return self.course[rows]

@@ -18,6 +18,7 @@ from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.family_training import descend_once, placed
 from np_drake.lifting.training.network_training import judged
 from np_drake.lifting.training.train import Config, TrainingResult, configured, train
+from np_drake.residual_models.flight_forecasts import model_predictions
 from np_drake.residual_models.motion_model import (
     GP,
     KNODE,
@@ -35,7 +36,6 @@ from np_drake.training_data.segments import (
     WrenchSequence,
     finite_runs,
     group_scale,
-    training_segments,
 )
 from np_drake.vehicle import Vehicle
 
@@ -107,12 +107,13 @@ def foresight(model: LiftedModel, segments: Sequence[Segment]) -> float:
     """
     ours, naive, horizons = np.zeros(len(AHEAD)), np.zeros(len(AHEAD)), np.array(AHEAD)
     for segment in segments:
-        course = NeuralPredictor(model).along(segment.chi, segment.zeta)
-        if course is None or len(segment) - AHEAD[-1] <= course.first:
+        origins = np.arange(model.warm_up - 1, len(segment) - AHEAD[-1])
+        if not len(origins):
             continue
-        origins = np.arange(course.first, len(segment) - AHEAD[-1])
         goal = segment.goal[origins[:, None] + horizons, :3]
-        forecast = course.at(list(AHEAD), origins, segment.zeta, zeta_known=True)[..., :3]
+        forecast = model_predictions(
+            NeuralPredictor(model), segment.chi, segment.zeta, origins, list(AHEAD), zeta_known=True
+        )[..., :3]
         ours += np.sum((forecast - goal) ** 2, axis=(0, 2))
         naive += np.sum((segment.chi[origins, None, :3] - goal) ** 2, axis=(0, 2))
     require(
@@ -347,8 +348,7 @@ CONFIGURATIONS: dict[str, GaussianProcessConfig | KnodeConfig] = {
 
 def train_motion_model(
     name: str,
-    flights: Sequence[FlightLog | WrenchSequence],
-    vehicle: Vehicle,
+    flights: Sequence[Flight],
     *,
     step: float,
     label: LabelConfig | None = None,
@@ -365,17 +365,17 @@ def train_motion_model(
         settings: of the configuration, `seed` among them.
     Raises: ValueError: on an unknown name or setting, or flights that the model cannot learn from.
     """
-    config = configured(CONFIGURATIONS, name, settings)
-    segments = [
-        piece
-        for flight in flights
-        for piece in training_segments(flight, vehicle, label, step=step)
-    ]
+    config, vehicle = configured(CONFIGURATIONS, name, settings), flights[0].vehicle
+    require(
+        all(flight.vehicle == vehicle for flight in flights),
+        f"{name}: all flights must be of one vehicle; give them one --vehicle FILE.",
+    )
+    segments = [piece for flight in flights for piece in flight.segments(step, label)]
     loss: list[float] = []
     if isinstance(config, GaussianProcessConfig):
         reaction: Any = fit_gaussian_process(segments, config)
     else:
-        reaction, loss = fit_knode(_pieces(flights, vehicle), vehicle, config, on_epoch=on_epoch)
+        reaction, loss = fit_knode(_pieces(flights), vehicle, config, on_epoch=on_epoch)
     zeta = [segment.zeta for segment in segments]
     error = np.concatenate([reaction(s.zeta) - s.goal for s in segments])
     summary = {
@@ -386,20 +386,19 @@ def train_motion_model(
         "settings": dc.asdict(config),
     }
     model = MotionModel(name, reaction, step, summary)
-    frame = flights[0].frame if isinstance(flights[0], WrenchSequence) else "world"
-    return with_origin(model, origin_of(frame, vehicle, label or default_labels(vehicle))), loss
+    origin = origin_of(flights[0].frame, vehicle, label or default_labels(vehicle))
+    return with_origin(model, origin), loss
 
 
-def _pieces(flights: Sequence[FlightLog | WrenchSequence], vehicle: Vehicle) -> list[Piece]:
+def _pieces(flights: Sequence[Flight]) -> list[Piece]:
     """Return the pieces of logs between rows that hold a NaN, with the command that acts by the
     vehicle's rotor lag.
     """
     pieces = []
     for flight in flights:
-        if isinstance(flight, WrenchSequence):
-            raise ValueError(
-                f"knode: {flight.name} holds no command to integrate; give flight logs."
-            )
-        x, u = flight.x, acting_command(flight, vehicle)
-        pieces += [Piece(x[a:b], u[a:b], flight.step) for a, b in finite_runs(x, u)]
+        log = flight.data
+        if isinstance(log, WrenchSequence):
+            raise ValueError(f"knode: {log.name} holds no command to integrate; give flight logs.")
+        x, u = log.x, acting_command(log, flight.vehicle)
+        pieces += [Piece(x[a:b], u[a:b], log.step) for a, b in finite_runs(x, u)]
     return pieces

@@ -1,7 +1,7 @@
 """Multi-step prediction error of residual models on one flight, beside naive predictors."""
 
 import dataclasses as dc
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -9,27 +9,13 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import (
-    FAMILIES,
-    MODE_DICTIONARY,
-    PAPER,
-    LiftedModel,
-    origin_of,
-    require_origin,
-)
+from np_drake.lifting.model.lifted_model import LiftedModel, origin_of, require_origin
 from np_drake.logs.formats.neurobem import TESTS
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
-from np_drake.residual_model import (
-    FlightForecasts,
-    ForecastsWholeFlights,
-    Memory,
-    Plan,
-    ReadsPlan,
-    ResidualModel,
-)
-from np_drake.residual_models.neural_predictor import NeuralPredictor, RefitForecasts
-from np_drake.rigid_body import P, V, W
+from np_drake.residual_model import ResidualModel
+from np_drake.residual_models.flight_forecasts import model_predictions, walk
+from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.training_data.segments import (
     Flight,
     SampledFlight,
@@ -38,131 +24,6 @@ from np_drake.training_data.segments import (
     flown_segments,
     of_wrenches,
 )
-
-KNOWN, HELD = "known", "held"  # coming motion
-MOTIONS = (KNOWN, HELD)
-
-
-def walk(model: ResidualModel, flight: SampledFlight) -> Iterator[tuple[int, Memory]]:
-    """Yield every sample's number and the memory after it."""
-    memory = model.initial_memory()
-    for k in range(len(flight)):
-        memory = model.update(memory, flight.sample(k))
-        yield k, memory
-
-
-def held_plan(x: np.ndarray, u: np.ndarray, *, steps: int, step: float) -> Plan:
-    """Return the motion x (13,) continued: velocity, attitude and command stay, and the body rates
-    are zero.
-
-    Own choice: a constant rate would turn the vehicle over within a second.
-
-    Args:
-        x: (13,) state now.
-        u: (4,) command that goes on [N, N·m].
-        steps: of the plan [1].
-        step: [s].
-    """
-    course = np.tile(x, (steps + 1, 1))
-    course[:, P] += step * np.arange(steps + 1)[:, None] * x[V]
-    course[1:, W] = 0.0
-    return Plan(course, np.tile(u, (steps, 1)))
-
-
-def flight_forecasts(
-    model: ResidualModel,
-    flight: SampledFlight,
-    horizons: list[int],
-    *,
-    first: int,
-    motion: str,
-    averaged: bool = True,
-) -> np.ndarray:
-    """Return the forecasts of labels 'horizons' steps ahead from sample `first` on, (n - first, H,
-    6) [N, N·m].
-
-    NaN where the flight ends before.
-
-    Args:
-        horizons: ascending [steps]; from 1 on for a model that reads a plan.
-        motion: `known`: the coming motion as flown; `held`: zeta stays, or for a model that reads a
-            plan `held_plan`.
-        averaged: whether the labels to be forecast are means of the step up to their sample, else
-            of its instant.
-    """
-    require(
-        motion in MOTIONS, f"flight_forecasts: motion must be {' | '.join(MOTIONS)}; got {motion}."
-    )
-    reads_plan = isinstance(model, ReadsPlan)
-    if not reads_plan and isinstance(model, ForecastsWholeFlights) and flight.gapless:
-        found = _at_once(model, flight, horizons, first=first, motion=motion)
-        if found is not None:
-            return found
-    require(
-        not reads_plan or horizons[0] >= 1,
-        f"flight_forecasts: horizons of {model.name} must be 1 or more; got {horizons[0]}.",
-    )
-    chi_hat = np.full((len(flight) - first, len(horizons), 6), np.nan)
-    for k, memory in walk(model, flight):
-        steps = min(horizons[-1], len(flight) - 1 - k)
-        if k < first or steps < horizons[0]:
-            continue
-        if isinstance(model, ReadsPlan):
-            plan = _plan(flight, k, steps + (not averaged), motion)
-            course = _labels_along(model, memory, plan, averaged=averaged)
-        else:
-            zeta = flight.zeta[k : k + steps + 1]
-            zeta = zeta if motion == KNOWN else np.tile(zeta[0], (steps + 1, 1))
-            course = model.forecast(memory, horizon=steps + 1, stride=1).rollout(zeta)
-        reached = [h for h in horizons if h <= steps]
-        chi_hat[k - first, : len(reached)] = course[reached]
-    return chi_hat
-
-
-def _plan(flight: SampledFlight, k: int, steps: int, motion: str) -> Plan:
-    """Return the motion after sample k over `steps` steps, as flown until the flight ends, or
-    held.
-    """
-    if motion == KNOWN:
-        return Plan(flight.x[k : k + steps + 1], flight.u[k + 1 : k + steps + 1])
-    return held_plan(flight.x[k], flight.u[k], steps=steps, step=flight.step)
-
-
-def _labels_along(model: ReadsPlan, memory: Memory, plan: Plan, *, averaged: bool) -> np.ndarray:
-    """Return the forecasts of the labels 0, 1, … ahead along a plan, (N + 1, 6); of label 0 there
-    is none.
-    """
-    chi = model.forecast_along(memory, plan, horizon=len(plan.u), stride=1).rollout(
-        plan.x[:-1, 7:13]
-    )
-    if not averaged:
-        chi = 0.5 * (chi + np.vstack([chi[1:], chi[-1:]]))
-    return np.vstack([np.full((1, 6), np.nan), chi])
-
-
-def _at_once(
-    model: ForecastsWholeFlights,
-    flight: SampledFlight,
-    horizons: list[int],
-    *,
-    first: int,
-    motion: str,
-) -> np.ndarray | None:
-    """Return the forecasts by the model's own shortcut for whole flights; None where it cannot."""
-    course = model.along(flight.chi, flight.zeta)
-    if course is None or course.first > first:
-        return None
-    known, zeta, n = motion == KNOWN, flight.zeta, len(flight)
-    chi_hat = np.full((n - first, len(horizons), 6), np.nan)
-    whole = np.arange(first, n - horizons[-1])  # origins of which every target is there
-    if len(whole):
-        chi_hat[: len(whole)] = course.at(horizons, whole, zeta, zeta_known=known)
-    for i, h in enumerate(horizons[:-1]):
-        rest = np.arange(first + len(whole), n - h)
-        if len(rest):
-            chi_hat[rest - first, i] = course.at([h], rest, zeta, zeta_known=known)[:, 0]
-    return chi_hat
-
 
 NAIVE = ("persistence", "linear", "mean")  # whose best is what skill is measured by
 UNTRAINED = (*NAIVE, "past mean")  # rows of every table
@@ -288,39 +149,6 @@ def naive_predictions(
     }
 
 
-def model_predictions(
-    model: ResidualModel,
-    chi: np.ndarray,
-    zeta: np.ndarray,
-    origins: np.ndarray,
-    horizons: list[int],
-    *,
-    zeta_known: bool,
-    seen: SampledFlight | None = None,
-) -> np.ndarray:
-    """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that walks along a flight, see
-    `flight_walk`.
-
-    Args:
-        chi: (n, 6) labels [N, N·m].
-        zeta: (n, 6) [m/s, rad/s].
-        origins: (o,) sample indices.
-        horizons: [steps].
-        zeta_known: use the true coming motion, else hold the last one.
-        seen: the flight as the model sees it, where it needs more than chi and zeta.
-    """
-    flight = of_wrenches(chi, zeta, model.step) if seen is None else seen
-    chi_hat = flight_forecasts(
-        model,
-        flight,
-        horizons,
-        first=int(origins[0]),
-        motion=KNOWN if zeta_known else HELD,
-        averaged=False,
-    )
-    return chi_hat[origins - origins[0]]
-
-
 BLOCKS = 20  # a flight is cut into at most so many [1]
 FEWEST = 5  # and into no fewer, else nothing is said [1]
 DRAWS = 400  # of the blocks [1]
@@ -353,48 +181,35 @@ def ratio_interval(square: np.ndarray, reference: np.ndarray, horizons: list[int
 
 
 ROUNDING = 1e-9  # of a spectral radius [1]
-CHUNK = 4000  # windows at a time, for memory [1]
 
 
 @dc.dataclass(frozen=True)
 class WindowStability:
-    """Counts of unstable windows of one flight.
-
-    pulled: windows whose least-squares A lay outside and was made stable before use (0 without a
-    refit).
-    """
+    """Counts of unstable windows of one flight."""
 
     windows: int  # of the flight
     unstable: int  # of these, with a spectral radius of A above 1
     largest: float  # of all radii [1]
-    pulled: int
 
 
-def walked_stability(model: ResidualModel, flight: SampledFlight) -> WindowStability:
-    """Return the counts over every sample of a flight, of a model that makes its A anew at each.
+def walked_stability(
+    model: ResidualModel, flight: SampledFlight, first: int = 0
+) -> WindowStability:
+    """Return the counts over every sample of a flight from the first on.
 
     A pendulum without damping lies on the unit circle, so that rounding does not count.
     """
-    forecasts = [model.forecast(memory, horizon=1, stride=1) for _, memory in walk(model, flight)]
-    radius = np.abs(np.linalg.eigvals(np.stack([forecast.A for forecast in forecasts]))).max(axis=1)
-    return WindowStability(
-        len(radius), int(np.sum(radius > 1.0 + ROUNDING)), float(radius.max()), 0
-    )
+    A, radius, found = None, 0.0, []
+    for k, memory in walk(model, flight):
+        forecast = model.forecast(memory, horizon=1, stride=1)
+        if forecast.A is not A:
+            A = forecast.A
+            radius = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
+        found += [radius] if k >= first else []
+    unstable = sum(one > 1.0 + ROUNDING for one in found)
+    return WindowStability(len(found), unstable, max(found, default=0.0))
 
 
-def stability_of(course: FlightForecasts) -> WindowStability:
-    """Return the counts over given forecasts."""
-    windows = len(course.z)
-    if not isinstance(course, RefitForecasts):
-        radius = np.full(windows, np.abs(np.linalg.eigvals(course.A)).max(initial=0.0))
-        return WindowStability(windows, int(np.sum(radius > 1.0)), float(radius[0]), 0)
-    pieces = [course.A[i : i + CHUNK] for i in range(0, len(course.A), CHUNK)]
-    radius = np.concatenate([np.abs(np.linalg.eigvals(A)).max(axis=1) for A in pieces])
-    pulled = int(np.sum(course.before > radius + 1e-12))
-    return WindowStability(len(radius), int(np.sum(radius > 1.0)), float(radius.max()), pulled)
-
-
-OURS = (PAPER, *FAMILIES, MODE_DICTIONARY, PAYLOAD_FILTER)
 WARM_UP = 40  # samples before the first origin, at least [1]
 Model = LiftedModel | PayloadFilterModel
 DIVERGED = 10.0  # longest forecast over longest label from which a flight counts as diverged [1]
@@ -402,51 +217,40 @@ STEP_TOLERANCE = 0.02  # between a model's step and an array's [1]
 
 
 def score_flights(
-    models: Mapping[str, Model],
+    model: Model,
     flights: Sequence[Flight],
     horizons: list[int],
     *,
     zeta: str,
-    baselines: Mapping[str, ResidualModel] = MappingProxyType({}),
-    mean: np.ndarray | None = None,
-    on_model: Callable[[int, int], None] = lambda *_: None,
+    on_flight: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict[str, Any]]:
-    """Return a row for every model, baseline and naive predictor on every flight, horizon in
-    seconds.
+    """Return a row for the model and every naive predictor on every flight, horizon in seconds; the
+    mean is the flight's own, which no predictor could know.
 
     Args:
         horizons: [steps].
         zeta: `held` at its last value, or `known`.
-        mean: (6,) of chi in training; None: the flight's own, which no predictor could know.
-        on_model: called with (done, total) after every model.
+        on_flight: called with (done, total) after every flight.
     Raises: ValueError: if a step is not the model's, or a flight too short.
     """
     rows: list[dict[str, Any]] = []
-    for number, flight in enumerate(flights):
-        name = flight_name(flight)
-        for place, (label, model) in enumerate(models.items()):
-            predictor = _predictor(model)
-            segment, seen = _longest_flown(flight, predictor)
-            table = skill_table(
-                {label: predictor, **(baselines if place == 0 else {})},
-                segment.chi,
-                segment.zeta,
-                horizons=horizons,
-                mean=segment.chi.mean(axis=0) if mean is None else mean,
-                target=segment.goal,
-                zeta_known=zeta == "known",
-                warm_up=WARM_UP
-                if isinstance(model, PayloadFilterModel)
-                else max(WARM_UP, model.warm_up),
-                flight=name,
-                seen={} if seen is None else {label: seen},
-            )
-            rows += [
-                {**row, "horizon": row["horizon"] * segment.step, "zeta": zeta}
-                for row in table
-                if place == 0 or row["model"] not in UNTRAINED
-            ]
-            on_model(number * len(models) + place + 1, len(flights) * len(models))
+    predictor, name = _predictor(model), model.configuration
+    for number, flight in enumerate(flights, 1):
+        segment, seen = _longest_flown(flight, predictor)
+        table = skill_table(
+            {name: predictor},
+            segment.chi,
+            segment.zeta,
+            horizons=horizons,
+            mean=segment.chi.mean(axis=0),
+            target=segment.goal,
+            zeta_known=zeta == "known",
+            warm_up=max(WARM_UP, _first(model) + 1),
+            flight=flight_name(flight),
+            seen={name: seen},
+        )
+        rows += [{**row, "horizon": row["horizon"] * segment.step, "zeta": zeta} for row in table]
+        on_flight(number, len(flights))
     return rows
 
 
@@ -464,15 +268,15 @@ def _predictor(model: Model) -> NeuralPredictor | PayloadFilter:
 
 def _longest_flown(
     flight: Flight, predictor: NeuralPredictor | PayloadFilter
-) -> tuple[Segment, SampledFlight | None]:
-    """Return the longest uninterrupted piece of a flight, and for a model that reads a plan that
-    piece as it sees it.
+) -> tuple[Segment, SampledFlight]:
+    """Return the longest uninterrupted piece of a flight, and that piece as the predictor sees it.
 
     Raises: ValueError: if the predictor was trained on other labels, or nothing usable is left.
     """
     if not isinstance(predictor, PayloadFilter):
         require_origin(predictor.model, {"frame": flight.frame})
-        return _longest_piece(flight, predictor.step), None
+        piece = _longest_piece(flight, predictor.step)
+        return piece, of_wrenches(piece.chi, piece.zeta, piece.step)
     require_origin(predictor.model, origin_of(flight.frame, flight.vehicle, predictor.label))
     if not isinstance(flight.data, FlightLog):
         raise ValueError(
@@ -484,28 +288,21 @@ def _longest_flown(
     return max(pieces, key=lambda piece: len(piece[0]))
 
 
-def label_distances(models: Mapping[str, Model], flights: Sequence[Flight]) -> list[dict[str, Any]]:
+def label_distances(model: Model, flights: Sequence[Flight]) -> list[dict[str, Any]]:
     """Return how far labels without low-pass lie from the targets, force [N] and torque [N·m], RMS
-    by flight.
+    by flight; nothing of a model that forecasts labels with one.
 
     What a low-pass takes from the target counts as the error of labels that have one.
-
-    Args:
-        models: by name; those that forecast labels without low-pass count.
-        flights: as of `score_flights`.
     """
-    lines = []
+    if not isinstance(model, PayloadFilterModel):
+        return []
+    unlagged, lines = PayloadFilter(dc.replace(model, rotor_lag=0.0)), []
     for flight in flights:
-        for label, model in models.items():
-            if not isinstance(model, PayloadFilterModel):
-                continue
-            unlagged = PayloadFilter(dc.replace(model, rotor_lag=0.0))
-            segment, seen = _longest_flown(flight, unlagged)
-            square = np.nanmean((seen.chi - segment.goal) ** 2, axis=0) if seen else np.zeros(6)
-            force, torque = np.sqrt([square[:3].sum(), square[3:].sum()]).tolist()
-            lines.append(
-                {"flight": flight_name(flight), "model": label, "force": force, "torque": torque}
-            )
+        segment, seen = _longest_flown(flight, unlagged)
+        square = np.nanmean((seen.chi - segment.goal) ** 2, axis=0)
+        force, torque = np.sqrt([square[:3].sum(), square[3:].sum()]).tolist()
+        named = {"flight": flight_name(flight), "model": model.configuration}
+        lines.append({**named, "force": force, "torque": torque})
     return lines
 
 
@@ -527,11 +324,11 @@ def _longest_piece(flight: Flight, step: float) -> Segment:
 
 def diverged(rows: list[dict[str, Any]]) -> list[str]:
     """Return the flights on which a model's RMSE is no number, or a forecast is `DIVERGED` times
-    the longest label.
-
-    A baseline may diverge; nothing keeps it from that.
+    the longest label; nothing keeps a naive one from that.
     """
-    return sorted({row["flight"] for row in rows if row["model"] in OURS and not _bounded(row)})
+    return sorted(
+        {row["flight"] for row in rows if row["model"] not in UNTRAINED and not _bounded(row)}
+    )
 
 
 def _bounded(row: dict[str, Any]) -> bool:
@@ -540,30 +337,20 @@ def _bounded(row: dict[str, Any]) -> bool:
     return bool(finite and not any(peak > DIVERGED for peak in peaks))
 
 
-def flight_stability(
-    models: Mapping[str, Model], flights: Sequence[Flight]
-) -> list[dict[str, Any]]:
-    """Return the spectral radius of A in every window of every flight, model by model; see
-    `WindowStability`.
+def flight_stability(model: Model, flights: Sequence[Flight]) -> list[dict[str, Any]]:
+    """Return the spectral radius of A in every window of every flight; see `WindowStability`.
 
-    Args:
-        flights: as of `score_flights`.
     Raises: ValueError: as `score_flights`.
     """
-    lines = []
+    lines, predictor = [], _predictor(model)
     for flight in flights:
-        for label, model in models.items():
-            predictor = _predictor(model)
-            segment, seen = _longest_flown(flight, predictor)
-            if isinstance(predictor, NeuralPredictor):
-                course = predictor.along(segment.chi, segment.zeta)
-                if course is None:
-                    raise ValueError(
-                        f"stability: at least {predictor.model.warm_up} samples are needed; "
-                        f"got {len(segment)}."
-                    )
-                found = stability_of(course)
-            elif seen is not None:
-                found = walked_stability(predictor, seen)
-            lines.append({"flight": flight_name(flight), "model": label, **dc.asdict(found)})
+        _, seen = _longest_flown(flight, predictor)
+        found = walked_stability(predictor, seen, _first(model))
+        named = {"flight": flight_name(flight), "model": model.configuration}
+        lines.append({**named, **dc.asdict(found)})
     return lines
+
+
+def _first(model: Model) -> int:
+    """Return the number of the first sample that a model forecasts from."""
+    return 0 if isinstance(model, PayloadFilterModel) else model.warm_up - 1

@@ -3,7 +3,6 @@ sampled at a fixed step, as a residual model is fed with it in flight.
 """
 
 import dataclasses as dc
-import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -28,11 +27,10 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass
 class WrenchSequence:
-    """Wrench chi and motion zeta of one flight at a fixed step.
+    """Whole wrench chi and motion zeta of one flight at a fixed step.
 
     step: time between rows [s].   chi: (n, 6) [force, torque] [N, N·m]; the torque is in body axes.
     zeta: (n, 6) [velocity, body rates] [m/s, rad/s].   frame: of force and velocity, "world" | "body".
-    total: True where chi is the whole wrench (NeuroBEM arrays), False where it is the residual one.
     A row with NaN has no label.
     """  # noqa: E501
 
@@ -41,8 +39,6 @@ class WrenchSequence:
     zeta: np.ndarray
     frame: str = "world"
     name: str = "flight"  # for messages and tables
-    total: bool = False
-    notes: list[str] = dc.field(default_factory=list)  # what a reader derived or repaired
 
     def __len__(self) -> int:
         return len(self.chi)
@@ -114,11 +110,11 @@ def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
         f"Segment: all segments must share one step [s]; got {steps.min()} to {steps.max()}.",
     )
     long = [segment for segment in checked if len(segment) >= shortest]
-    if not long:
-        longest = max(map(len, checked))
-        raise ValueError(
-            f"Segment: at least {shortest} samples in one piece are needed; got {longest}."
-        )
+    require(
+        long,
+        f"Segment: at least {shortest} samples in one piece are needed; got "
+        f"{max(map(len, checked))}.",
+    )
     return long
 
 
@@ -168,30 +164,6 @@ def white_noise(values: list[np.ndarray]) -> np.ndarray:
     return np.median(np.abs(difference), axis=0) / (0.6745 * np.sqrt(70.0))
 
 
-def wrench_sequence(
-    log: FlightLog,
-    vehicle: Vehicle,
-    config: LabelConfig | None = None,
-    *,
-    step: float = 0.02,
-    zero_phase: bool = False,
-) -> WrenchSequence:
-    """Return labels made at the log's own rate, then one row every `step` [s]; zeta in W.
-
-    Args:
-        config: low-pass; None: that of the vehicle.
-        step: between rows [s].
-        zero_phase: `smooth_labels` instead of the causal ones (targets for training only).
-    Raises: ValueError: if the log has no accelerations, or the step does not fit.
-    """
-    chi = (smooth_labels if zero_phase else labels)(log, vehicle, config)
-    rows = rows_at(log, step)
-    zeta = np.concatenate([log.v, log.w], axis=1)
-    return WrenchSequence(
-        step, chi[rows], zeta[rows], "world", log.name, notes=list(log.notes)
-    ).check()
-
-
 @dc.dataclass(frozen=True)
 class SampledFlight:
     """State, command and label of a flight every `step` seconds.
@@ -214,11 +186,6 @@ class SampledFlight:
     def zeta(self) -> np.ndarray:
         """Velocity in W and body rates, (n, 6) [m/s, rad/s]."""
         return self.x[:, 7:13]
-
-    @functools.cached_property
-    def gapless(self) -> bool:
-        """Whether every sample has a label."""
-        return bool(np.isfinite(self.chi).all())
 
     @property
     def segment(self) -> Segment:
@@ -426,13 +393,9 @@ def training_segments(
     """
     if isinstance(flight, WrenchSequence):
         return _pieces(flight.chi, flight.zeta, flight.chi, flight.step)
-    log = _usable(flight)
-    causal = wrench_sequence(log, vehicle, config, step=step)
-    smooth = wrench_sequence(log, vehicle, config, step=step, zero_phase=True)
     late = round((config or default_labels(vehicle)).force_delay / step)
-    return [
-        dc.replace(piece, late=late) for piece in _pieces(causal.chi, causal.zeta, smooth.chi, step)
-    ]
+    made = labelled_rows(_usable(flight), vehicle, config, step=step)
+    return [dc.replace(piece, late=late) for piece in _pieces(*made, step)]
 
 
 def flown_segments(
@@ -449,11 +412,25 @@ def flown_segments(
     label = model.label if isinstance(model, ReadsLabels) else None
     late = getattr(model, "delay", 0.0)  # of commands, as its training has shown [s]
     seen = picked_flight(delayed(log, late), labelled(vehicle, model), step=step, label=label)
-    causal = wrench_sequence(log, vehicle, step=step)
-    smooth = wrench_sequence(log, vehicle, step=step, zero_phase=True)
-    pieces = _pieces(causal.chi, causal.zeta, smooth.chi, step)
-    runs = finite_runs(causal.chi, causal.zeta, smooth.chi)
+    made = labelled_rows(log, vehicle, None, step=step)
+    pieces, runs = _pieces(*made, step), finite_runs(*made)
     return [(piece, seen.rows(*run)) for piece, run in zip(pieces, runs, strict=True)]
+
+
+def labelled_rows(
+    log: FlightLog, vehicle: Vehicle, config: LabelConfig | None, *, step: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return causal labels, zeta in W and zero-phase labels of a row every `step` [s], (n, 6) each;
+    labels are made at the log's own rate.
+
+    Args:
+        config: low-pass; None: that of the vehicle.
+        step: between rows [s].
+    Raises: ValueError: if the log has no accelerations, or the step does not fit.
+    """
+    rows, zeta = rows_at(log, step), np.concatenate([log.v, log.w], axis=1)
+    causal, smooth = labels(log, vehicle, config), smooth_labels(log, vehicle, config)
+    return causal[rows], zeta[rows], smooth[rows]
 
 
 def _usable(log: FlightLog) -> FlightLog:

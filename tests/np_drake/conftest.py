@@ -26,18 +26,3 @@ def made_flight(n: int = 600, step: float = 0.01) -> FlightLog:
 @pytest.fixture
 def flight() -> FlightLog:
     return made_flight()
-
-
-class OneByOne:
-    """A residual model without its shortcut for whole flights."""
-
-    def __init__(self, model):
-        self.name, self.step = model.name, model.step
-        self.initial_memory, self.update = model.initial_memory, model.update
-        self.forecast = model.forecast
-
-
-@pytest.fixture(scope="session")
-def one_by_one():
-    """What takes the shortcut for whole flights from a model."""
-    return OneByOne

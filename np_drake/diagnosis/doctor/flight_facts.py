@@ -25,8 +25,8 @@ from np_drake.logs.importing.laws import (
     told_by_noise,
 )
 from np_drake.logs.importing.log_map import GRAVITY
+from np_drake.logs.importing.parts import lift_of
 from np_drake.logs.importing.signals import TICKS, Signal
-from np_drake.logs.opening import rotor_lift
 from np_drake.logs.rotors import torque_agreement
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
@@ -241,9 +241,9 @@ def lags(log: FlightLog, vehicle: Vehicle | None = None) -> tuple[Lag, ...]:
     held = (
         log.t if log.input == "rotor_speed" else log.t + 0.5 * log.step
     )  # a held command acts half a row later
-    found.append(
-        lag_of("lift", "thrust", Signal(rise.t, lift), Signal(held, rotor_lift(log)[:, None]))
-    )
+    told = {"thrust": log.u[:, :1] if log.throttle is None else log.throttle}
+    asked = lift_of(told if log.rotor is None else {"rotor_speed": log.rotor})
+    found.append(lag_of("lift", "thrust", Signal(rise.t, lift), Signal(held, asked[:, None])))
     u = log.u[:, 1:]
     if np.isfinite(u).all() and (log.input != "rotor_speed" or vehicle is not None):
         found.append(lag_of("turning", "torque", Signal(log.t, log.w).rate, Signal(held, u)))

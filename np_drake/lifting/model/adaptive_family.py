@@ -240,7 +240,6 @@ def _readouts(A, pairs, CA):
 
 
 EVERY = 5  # samples between updates of theta [1]
-CHUNK = 2000  # windows that are read at once [1]
 DIFFERENCE = 1e-4  # of theta, for derivatives, in units of its prior's deviation
 
 
@@ -404,27 +403,6 @@ class AdaptiveFamily:
         for seen, theta in self.estimates(samples, step):
             found[seen - self.delay :] = theta
         return found
-
-    def along(self, samples: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return A (o, K, K), B (o, K, 6) and z (o, K) at every sample from D on, o = n - D + 1.
-
-        Args:
-            samples: (n, 12) of a flight without gaps, n >= D [N, N·m, m/s, rad/s].
-            step: [s].
-        """
-        windows = np.lib.stride_tricks.sliding_window_view(samples, self.delay, axis=0).swapaxes(
-            1, 2
-        )
-        cuts = range(CHUNK, len(windows), CHUNK)  # what is computed of a window is larger than it
-        estimated = self.thetas(samples, step)
-        parts = zip(np.split(windows, cuts), np.split(estimated, cuts), strict=True)
-        thetas, z = (
-            np.concatenate(part) for part in zip(*(self.read(*part) for part in parts), strict=True)
-        )
-        new = np.append(True, np.any(thetas[1:] != thetas[:-1], axis=1))
-        systems = [self.system(theta, step) for theta in thetas[new]]
-        at = np.cumsum(new) - 1
-        return np.stack([s.A for s in systems])[at], np.stack([s.B for s in systems])[at], z
 
     def _departures(self, thetas: np.ndarray, window: np.ndarray, step: float) -> np.ndarray:
         """Return what is seen now less what was foreseen, over its deviation, of all axes, views

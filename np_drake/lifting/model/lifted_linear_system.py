@@ -31,6 +31,7 @@ from np_drake.checks import require
 # condition is below the first number; up to the second the eigenvalues are counted once more.
 _MARGIN = 1.0 - 1e-9
 _CERTAIN, _ILL = 400.0, 1e8
+RADIUS = 0.9999  # largest |eigenvalue| of an A that is fitted to a window [1]
 
 
 def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
@@ -40,7 +41,8 @@ def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
     Eigenvalues outside are pulled radially onto the circle and keep their eigenvectors, so that
     stable modes stay as learned; where the eigenvectors are too ill-conditioned for that, all of A
     is scaled. Own choice: the nearest stable matrix in the Frobenius norm is a non-convex problem,
-    too slow for a flight.
+    too slow for a flight. LAPACK's own real form of the eigenvectors costs less than numpy's
+    complex one.
 
     Args:
         A: (K, K).
@@ -48,27 +50,8 @@ def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
     Raises: numpy.linalg.LinAlgError: if an entry of A is not finite, or its eigenvalues do not
         converge.
     """
-    return _stabilized(A, radius)[0] if A.size else A
-
-
-def stabilized_all(A: np.ndarray, radius: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return every A made stable, (n, K, K), and the spectral radii before, (n,).
-
-    Args:
-        A: (n, K, K).
-        radius: as of `stabilized` [1].
-    """
-    stable, before = np.empty_like(A), np.empty(len(A))
-    for k, one in enumerate(A):
-        stable[k], before[k] = _stabilized(one, radius)
-    return stable, before
-
-
-def _stabilized(A: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
-    """Return one A made stable, and its spectral radius before.
-
-    LAPACK's own real form of V costs less than numpy's complex one.
-    """
+    if not A.size:
+        return A
     if not np.isfinite(A).all():
         raise np.linalg.LinAlgError("stabilized: every entry of A must be finite.")
     re, im, _, V, info = lapack.dgeev(A, compute_vl=0, compute_vr=1)
@@ -77,13 +60,13 @@ def _stabilized(A: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
     size = np.hypot(re, im)
     largest, limit = float(size.max()), radius * _MARGIN
     if largest <= limit:
-        return A, largest
+        return A
     pulled, condition = _pulled(A, V, size, limit)
     if condition < _CERTAIN:
-        return pulled, largest
+        return pulled
     if condition < _ILL and np.abs(np.linalg.eigvals(pulled)).max() <= radius:
-        return pulled, largest
-    return A * (limit / largest), largest
+        return pulled
+    return A * (limit / largest)
 
 
 def _pulled(
@@ -263,14 +246,6 @@ class DelayEncoder:
         z = window.reshape(window.shape[:-2] + (-1,)) @ self.E.T
         return z if self.offset is None else z + self.offset
 
-    def along(self, samples: np.ndarray) -> np.ndarray:
-        """Return z (n - D + 1, K) of every full window of samples (n, 12)."""
-        count = len(samples) - self.delay + 1
-        z = np.zeros((count, self.K)) if self.offset is None else np.tile(self.offset, (count, 1))
-        for d, E in enumerate(self.E.reshape(self.K, self.delay, 12).transpose(1, 2, 0)):
-            z += samples[d : d + count] @ E
-        return z
-
 
 @dc.dataclass(frozen=True)
 class DelayTaps:
@@ -424,21 +399,6 @@ class Trust:
             sums[:, due] += _products(p, q, chi - base)
             found["trust/sums"] = sums
         return found
-
-    def along(self, z: np.ndarray, chi: np.ndarray, first: int) -> np.ndarray:
-        """Return the corrected z (o, K) of a whole flight without gaps.
-
-        Args:
-            z: (o, K) from sample `first` on.
-            chi: (n, 6) all labels [N, N·m].
-        """
-        memory, corrected = self.initial_memory(), np.empty_like(z)
-        for k, label in enumerate(chi):
-            lifted = None if k < first else z[k - first]
-            memory |= self.update(memory, lifted, label, labelled=True)
-            if k >= first:
-                corrected[k - first] = memory.pop("z")
-        return corrected
 
     def _weights(self, sums: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return a, b (H, 4) in [0, 1] of sums (5, H, 4) and mean power (2, H, 4)."""

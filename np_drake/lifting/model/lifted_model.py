@@ -17,13 +17,7 @@ from np_drake.checks import require
 from np_drake.files.file_access import parse_json, write_bytes
 from np_drake.labels import LabelConfig
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
-from np_drake.lifting.model.lifted_linear_system import (
-    DelayEncoder,
-    LiftedLinearSystem,
-    Phi,
-    Trust,
-    advance,
-)
+from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem, Phi, Trust
 from np_drake.lifting.model.neural_family import NeuralFamily
 from np_drake.vehicle import Vehicle
 
@@ -82,9 +76,11 @@ class LiftedModel:
             isinstance(self.encoder, kind),
             f"LiftedModel: {self.configuration} must have {kind.__name__}.",
         )
-        if self.encoder.K != self.system.K:
-            sizes = f"{self.encoder.K} and {self.system.K}"
-            raise ValueError(f"LiftedModel: encoder and system must agree on K; got {sizes}.")
+        require(
+            self.encoder.K == self.system.K,
+            f"LiftedModel: encoder and system must agree on K; got {self.encoder.K} and "
+            f"{self.system.K}.",
+        )
         require(
             0 <= self.late < self.window,
             f"LiftedModel: late must be 0 to less than the window; got {self.late}.",
@@ -110,15 +106,6 @@ class LiftedModel:
         if not isinstance(self.encoder, NeuralFamily):
             return self
         return dc.replace(self, configuration=LIFTED, encoder=self.encoder.plain)
-
-    def lift(self, window: np.ndarray) -> np.ndarray:
-        """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
-        if isinstance(self.encoder, AdaptiveFamily):
-            return self.encoder.read(window, self.encoder.mean)[1]
-        if isinstance(self.encoder, DelayEncoder):
-            return self.encoder(window)
-        z, s = self.encoder(window[..., -1, :6]), self.system
-        return advance(z, s.A, s.B, self.since_label(window))
 
     def since_label(self, window: np.ndarray) -> np.ndarray:
         """Return the zeta (..., late, 6) from the time of the newest label on, of samples (..., n,
@@ -200,10 +187,10 @@ def summary_in(header: dict[str, Any]) -> dict[str, Any]:
     if there is none.
     """
     summary = dict(header["summary"])
-    if not isinstance(summary.get("origin", {}), dict):
-        raise ValueError(
-            f"summary.origin must be names with their values; got {summary['origin']!r}."
-        )
+    origin = summary.get("origin", {})
+    require(
+        isinstance(origin, dict), f"summary.origin must be names with their values; got {origin!r}."
+    )
     lag = summary.get("rotor_lag", 0.0)
     require(
         isinstance(lag, int | float) and 0 <= lag < 10,

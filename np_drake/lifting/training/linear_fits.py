@@ -131,32 +131,6 @@ def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
     return W
 
 
-def window_ridge(
-    segments: Sequence[Segment],
-    taps: DelayTaps,
-    horizons: np.ndarray,
-    *,
-    noise: float,
-    origins: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return weights (H, 6, 12 D) of the window, oldest sample first, and constants (H, 6), both in
-    physical units.
-
-    Args:
-        horizons: ascending [steps].
-        noise: as of `horizon_ridge`.
-        origins: of a segment at most; thinned beyond [1].
-    """
-    scale = sample_scale(segments)
-    flights = moments_of(
-        segments, scale, taps=taps, horizons=horizons, max_origins=origins, symmetry=0.0
-    )
-    W = horizon_ridge(flights, noise=noise)
-    rows = (W * scale[:6]).reshape(len(W), -1).T
-    weights = taps.expand(rows[:, :-1], 12).reshape(-1, taps.delay, 12) / scale
-    return weights.reshape(len(horizons), 6, -1), rows[:, -1].reshape(-1, 6)
-
-
 def symmetrised(
     gram: np.ndarray,
     cross: np.ndarray,

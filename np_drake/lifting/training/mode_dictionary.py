@@ -251,7 +251,6 @@ def train_mode_dictionary(
     """Return (model, [loss]) of the `mode-dictionary` configuration.
 
     The loss is the mean square of the held forecast's error over that of the better naive row [1].
-    The checkpoint is not used: there is nothing to resume.
     """
     segments = check_segments(segments, config.delay + config.horizon + 1)
     step = float(np.median([segment.step for segment in segments]))

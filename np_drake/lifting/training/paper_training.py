@@ -30,9 +30,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Phi, stabilized_all
+from np_drake.lifting.model.lifted_linear_system import RADIUS, LiftedLinearSystem, Phi, stabilized
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
-from np_drake.lifting.model.window_refit import RADIUS
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation, turns
 from np_drake.lifting.training.family_training import descend_once
@@ -237,7 +236,8 @@ def stable(A: torch.Tensor, radius: float = RADIUS) -> torch.Tensor:
         radius: largest |eigenvalue| [1].
     """
     given = A.detach().numpy()
-    found = stabilized_all(given.reshape(-1, *given.shape[-2:]), radius)[0].reshape(given.shape)
+    each = [stabilized(one, radius) for one in given.reshape(-1, *given.shape[-2:])]
+    found = np.reshape(each, given.shape)
     return A + torch.from_numpy(found - given)
 
 

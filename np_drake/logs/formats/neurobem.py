@@ -240,15 +240,14 @@ def read_training(folder: Path) -> WrenchSequence:
 
 def read_wrenches(path: str | Path) -> WrenchSequence:
     """Read a flight: a 12-column array of v (body), omega, f, tau, or a CSV, of which the same is
-    made.
+    made: the total wrench in body axes (0.752 kg x specific force less 9.8 m/s²), not a residual.
 
     Raises: LogError: if the file is no such flight (pickled arrays are refused); OSError: if it
     cannot open.
     """
     name = Path(path).name.split(".")[0].removeprefix("merged_")
     zeta, chi = np.split(read_array(path) if is_array(Path(path)) else _from_csv(path), 2, axis=1)
-    note = "total wrench in body axes (0.752 kg x specific force less 9.8 m/s²), not a residual"
-    return WrenchSequence(STEP, chi, zeta, "body", name, total=True, notes=[note]).check()
+    return WrenchSequence(STEP, chi, zeta, "body", name).check()
 
 
 def _csv(folder: Path, stem: str) -> Path | None:

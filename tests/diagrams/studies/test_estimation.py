@@ -114,4 +114,4 @@ def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(neurobem):
     assert dut.ratios(cells, "np").shape == (10 * len(tests),)
     assert dut.ratios(cells, "np").max() < 0.25
     assert dut.ratios(cells, "persistence").max() <= 1.0  # the floor, not the goal
-    assert all(found["unstable"] == found["pulled"] == 0 for found in stability[NP].values())
+    assert all(found["unstable"] == 0 for found in stability[NP].values())

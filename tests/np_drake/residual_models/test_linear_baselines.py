@@ -4,17 +4,11 @@ import numpy as np
 import pytest
 
 from np_drake.residual_model import Sample
-from np_drake.residual_models.linear_baselines import (
-    GROUPS,
-    fit_all,
-    fit_dmdc,
-    fit_force_ridge,
-    fit_ridge,
-)
-from np_drake.skill.skill import model_predictions
+from np_drake.residual_models.flight_forecasts import model_predictions
+from np_drake.residual_models.linear_baselines import GROUPS, fit_dmdc, fit_force_ridge
 from np_drake.training_data.segments import Segment
 
-STEP, HORIZONS = 0.01, np.array([1, 2, 5, 10])
+STEP = 0.01
 A = 0.9 * np.linalg.qr(np.random.default_rng(0).standard_normal((6, 6)))[0]
 B = 0.1 * np.random.default_rng(1).standard_normal((6, 6))
 A2 = -0.3 * np.eye(6)
@@ -47,34 +41,8 @@ def test_with_delays_a_longer_memory_is_found():
         assert (error < 0.1) == small
 
 
-def test_the_ridge_is_the_best_linear_map_and_held_beyond():
-    unseen, origins = flight(6), np.arange(20, 400)
-    dut, ahead = fit_ridge([flight(0), flight(1)], HORIZONS), [1, 2, 3, 5, 10, 40]
-    chi_hat = model_predictions(dut, unseen.chi, unseen.zeta, origins, ahead, zeta_known=False)
-    one, two, three, five, ten, far = np.moveaxis(chi_hat, 1, 0)
-    assert np.abs(one - unseen.chi[origins + 1]).max() < 0.15
-    np.testing.assert_allclose(three, two + (five - two) / 3, atol=1e-12)
-    np.testing.assert_array_equal(far, ten)
-
-
-@pytest.fixture(scope="module")
-def baselines():
-    return fit_all([flight(0), flight(1)], HORIZONS)
-
-
-@pytest.mark.parametrize("known", [False, True])
-@pytest.mark.parametrize("name", ["DMDc", "delay DMDc", "ridge by horizon"])
-def test_a_whole_flight_at_once_is_the_flight_sample_by_sample(name, known, baselines, one_by_one):
-    dut, unseen = baselines[name], flight(7, n=80)
-    arguments = unseen.chi, unseen.zeta, np.arange(12, 60), [0, 1, 4, 15]
-    found, expected = (
-        model_predictions(p, *arguments, zeta_known=known) for p in (dut, one_by_one(dut))
-    )
-    np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
-def test_the_label_is_held_until_the_window_is_full_or_while_missing(baselines):
-    dut = baselines["delay DMDc"]
+def test_the_label_is_held_until_the_window_is_full_or_while_missing():
+    dut = fit_dmdc([flight(0)], delays=10)
     memory, x = dut.initial_memory(), np.zeros(13)
     for chi in (np.ones(6), np.full(6, np.nan)):
         memory = dut.update(memory, Sample(x, np.zeros(4), chi))

@@ -3,7 +3,6 @@ import pytest
 
 from np_drake.residual_model import Sample
 from np_drake.residual_models.motion_model import GaussianProcess, MotionModel, WrenchNetwork
-from np_drake.skill.skill import model_predictions
 
 RNG = np.random.default_rng(0)
 PROCESS = GaussianProcess(
@@ -38,17 +37,6 @@ def test_every_step_of_the_forecast_is_the_function_at_its_own_motion(dut):
     expected = np.stack([dut.reaction(z) for z in zeta])
     np.testing.assert_allclose(forecast.rollout(zeta), expected, atol=1e-12)  # round-off
     np.testing.assert_allclose(forecast.first, expected[0], atol=1e-12)
-
-
-@pytest.mark.parametrize("known", [True, False])
-def test_a_whole_flight_is_what_single_samples_are(dut, known, one_by_one):
-    zeta, arguments = RNG.normal(size=(30, 6)), (np.arange(3, 20), [0, 1, 4])
-    found, expected = (
-        model_predictions(p, np.zeros((30, 6)), zeta, *arguments, zeta_known=known)
-        for p in (dut, one_by_one(dut))
-    )
-    np.testing.assert_allclose(found, expected, atol=1e-12)
-    np.testing.assert_allclose(found[2, 2], dut.reaction(zeta[5 + 4 * known]), atol=1e-12)
 
 
 def test_the_file_gives_the_model_back(dut, tmp_path):

@@ -11,7 +11,8 @@ from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLine
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.skill import model_predictions, stability_of
+from np_drake.skill.skill import walked_stability
+from np_drake.training_data.segments import of_wrenches
 
 D, STEP = 4, 0.02
 A = np.diag([0.9, 0.8, 0.95, 0.7, 0.6, 0.5])
@@ -174,29 +175,14 @@ T = STEP * np.arange(60)[:, None]
 FLIGHT = np.sin(T * np.arange(1, 7)), np.cos(T * np.arange(7, 13))
 
 
-@pytest.mark.parametrize("torque", ["hold", "predict"])
-@pytest.mark.parametrize("known", [False, True])
-@pytest.mark.parametrize("late", [0, 2])
-def test_a_refit_flight_at_once_is_the_flight_sample_by_sample(torque, known, late, one_by_one):
-    dut = NeuralPredictor(rotating(late), torque=torque)
-    found, expected = (
-        model_predictions(p, *FLIGHT, np.arange(W - 1, 50), [0, 1, 7], zeta_known=known)
-        for p in (dut, one_by_one(dut))
-    )
-    np.testing.assert_allclose(found, expected, atol=1e-8)
-
-
-def test_every_window_of_a_refit_is_counted_and_an_unstable_named():
-    course = NeuralPredictor(rotating()).along(*FLIGHT)
-    found = stability_of(course)
+def test_every_window_is_counted_and_an_unstable_one_named():
+    flown = of_wrenches(*FLIGHT, STEP)
+    found = walked_stability(NeuralPredictor(rotating()), flown, W - 1)
     assert (found.windows, found.unstable) == (60 - W + 1, 0)
     assert 0 < found.largest <= 1.0
-    assert found.pulled == np.sum(course.before > 0.9999)
-    course.A[3:5] *= 1.2 / found.largest
-    assert stability_of(course).unstable >= 1
     offline = dc.replace(
         last_sample_model(), system=LiftedLinearSystem(1.3 * A, B, np.eye(6), STEP)
     )
-    found = stability_of(NeuralPredictor(offline).along(*FLIGHT))
-    assert (found.windows, found.unstable, found.pulled) == (57, 57, 0)
+    found = walked_stability(NeuralPredictor(offline), flown, D - 1)
+    assert (found.windows, found.unstable) == (57, 57)
     assert found.largest == pytest.approx(1.3 * 0.95)

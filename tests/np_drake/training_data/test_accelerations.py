@@ -12,7 +12,7 @@ from np_drake.training_data.accelerations import (
     smooth_derivative,
     with_accelerations,
 )
-from np_drake.training_data.segments import wrench_sequence
+from np_drake.training_data.segments import labelled_rows
 from np_drake.vehicle import Vehicle
 
 
@@ -58,11 +58,10 @@ def test_a_step_picks_the_nearest_rows_of_filtered_labels(flight):
     assert len(rows) == 240
     half = 0.005 + 1e-12  # a row [s]
     np.testing.assert_allclose(flight.t[rows], 0.025 * np.arange(len(rows)), atol=half)
-    for zero_phase, of in ((False, labels.labels), (True, labels.smooth_labels)):
-        dut = wrench_sequence(flight, Vehicle(), step=0.02, zero_phase=zero_phase)
-        np.testing.assert_array_equal(dut.chi, of(flight, Vehicle())[::2])
-        np.testing.assert_array_equal(dut.zeta, np.hstack([flight.v, flight.w])[::2])
-        assert (dut.frame, dut.step, dut.total) == ("world", 0.02, False)
+    causal, zeta, smooth = labelled_rows(flight, Vehicle(), None, step=0.02)
+    np.testing.assert_array_equal(causal, labels.labels(flight, Vehicle())[::2])
+    np.testing.assert_array_equal(zeta, np.hstack([flight.v, flight.w])[::2])
+    np.testing.assert_array_equal(smooth, labels.smooth_labels(flight, Vehicle())[::2])
 
 
 def test_noise_alone_goes_and_slow_motion_stays():

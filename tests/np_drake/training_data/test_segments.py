@@ -35,7 +35,6 @@ def test_a_label_is_the_mean_over_the_step_that_ends_at_its_sample():
     np.testing.assert_allclose(flight.chi[1:, :3], np.outer(0.02 * k - 0.009, RATE), atol=1e-9)
     np.testing.assert_allclose(flight.x[:, 7], 0.02 * np.arange(len(flight)), atol=1e-9)
     assert len(flight) == 51
-    assert flight.gapless
 
 
 def test_a_sample_uses_nothing_later():
@@ -57,7 +56,6 @@ def test_a_gap_has_no_label_keeps_the_command_and_is_bridged_for_training():
     )
     flight = sampled_flight(cut, VEHICLE, step=0.02)
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(flight.chi).any(axis=1)), [21, 22])
-    assert not flight.gapless
     np.testing.assert_array_equal(flight.u[[21, 22]], flight.u[[20, 20]])
     np.testing.assert_allclose(flight.x[[21, 22], 7], 0.4, atol=1e-9)
     whole = sampled_flight(log, VEHICLE, step=0.02)
@@ -92,7 +90,7 @@ def test_rows_without_a_label_part_the_flight(flight):
 
 def test_an_array_keeps_its_own_step_and_its_wrench():
     chi = np.random.default_rng(0).normal(size=(50, 6))
-    array = WrenchSequence(0.0025, chi, 2 * chi, "body", total=True)
+    array = WrenchSequence(0.0025, chi, 2 * chi, "body")
     (dut,) = training_segments(array, Vehicle(), step=0.02)
     np.testing.assert_array_equal(dut.chi, chi)
     np.testing.assert_array_equal(dut.goal, chi)

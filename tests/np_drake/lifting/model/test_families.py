@@ -11,6 +11,7 @@ from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily, ModalA
 from np_drake.lifting.model.lifted_model import LIFTED, NEURAL, LiftedModel, load_model, save_model
 from np_drake.lifting.model.neural_family import MOST, WindowNetwork, with_network
 from np_drake.residual_model import Sample
+from np_drake.residual_models.flight_forecasts import model_predictions
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 
 STEP, D, r = 0.02, 6, 2
@@ -145,9 +146,9 @@ def flight(n=40):
 
 def forecasts(dut, samples):
     """Forecasts (n - D + 1, 4, 6) along a flight."""
-    course = NeuralPredictor(dut).along(samples[:, :6], samples[:, 6:])
-    origins = np.arange(course.first, len(samples) - 4)
-    return course.at([0, 1, 2, 4], origins, samples[:, 6:], zeta_known=True)
+    origins, chi, zeta = np.arange(D - 1, len(samples) - 4), samples[:, :6], samples[:, 6:]
+    dut = NeuralPredictor(dut)
+    return model_predictions(dut, chi, zeta, origins, [0, 1, 2, 4], zeta_known=True)
 
 
 def test_without_a_share_of_the_network_it_is_the_family():
@@ -176,12 +177,10 @@ def test_what_is_felt_turned_or_mirrored_is_foreseen_so(of_v, of_w):
 
 
 @pytest.mark.parametrize("configuration", [LIFTED, NEURAL])
-def test_along_a_flight_it_is_what_it_is_sample_by_sample(configuration):
-    """z waits for the encoder, theta for the whole window."""
+def test_in_flight_z_waits_for_the_encoder_and_theta_for_the_whole_window(configuration):
     full = model() if configuration == NEURAL else model().without_network
     dut, samples = NeuralPredictor(full), flight()
-    memory, course = dut.initial_memory(), dut.along(samples[:, :6], samples[:, 6:])
-    assert course.first == D - 1
+    memory, thetas = dut.initial_memory(), full.encoder.thetas(samples, STEP)
     for k, row in enumerate(samples, start=1):
         x = np.array([0, 0, 1.0, 1, 0, 0, 0, *row[6:]])
         memory = dut.update(memory, Sample(x, np.zeros(4), row[:6]))
@@ -190,9 +189,12 @@ def test_along_a_flight_it_is_what_it_is_sample_by_sample(configuration):
         first = -(-full.window // EVERY) * EVERY
         assert np.array_equal(memory["theta"], full.encoder.mean) == (k < first)
         if k >= D:
-            for name in "ABz":
-                found, expected = getattr(course, name)[k - D], getattr(forecast, name)
-                np.testing.assert_allclose(found, expected, atol=1e-10)
+            np.testing.assert_allclose(memory["theta"], thetas[k - D], atol=1e-10)
+            theta, z = full.encoder.read(samples[k - D : k], thetas[k - D])
+            np.testing.assert_allclose(forecast.z, z, atol=1e-10)
+            s = full.encoder.system(theta, STEP)
+            np.testing.assert_allclose(forecast.A, s.A, atol=1e-10)
+            np.testing.assert_allclose(forecast.B, s.B, atol=1e-10)
 
 
 @settings(max_examples=25)
@@ -217,4 +219,5 @@ def test_the_file_holds_all_of_it(own, tmp_path):
     read = load_model(tmp_path / "m.safetensors")
     assert (type(read.encoder), read.encoder.memory) == (type(own.encoder), 20.0)
     np.testing.assert_array_equal(forecasts(read, flight()), forecasts(own, flight()))
-    np.testing.assert_array_equal(read.lift(flight()[None]), own.lift(flight()[None]))
+    found, expected = (m.encoder.read(flight()[None], m.encoder.mean)[1] for m in (read, own))
+    np.testing.assert_array_equal(found, expected)

@@ -23,6 +23,7 @@ from np_drake.lifting.training.network_training import (
     principal_components,
 )
 from np_drake.lifting.training.train import make_config, train
+from np_drake.residual_models.flight_forecasts import model_predictions
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.training_data.segments import Segment
 
@@ -109,13 +110,18 @@ def test_the_loss_of_the_moments_is_that_of_every_window():
     assert dut.loss(torch.tensor([0]), theta).item() == pytest.approx(expected, rel=1e-4)
 
 
+def forecasts(model, flight, origins, ahead):
+    """Forecasts (o, h, 6) along the motion as flown."""
+    dut = NeuralPredictor(model)
+    return model_predictions(dut, flight.chi, flight.zeta, origins, ahead, zeta_known=True)
+
+
 def errors(model, flights, horizon):
     """Mean square error of the force of each flight (f,), and that of persistence [N²]."""
     found = []
     for flight in flights:
-        course = NeuralPredictor(model).along(flight.chi, flight.zeta)
-        origins = np.arange(course.first, len(flight) - horizon)
-        forecast = course.at([horizon], origins, flight.zeta, zeta_known=True)[:, 0, :3]
+        origins = np.arange(model.warm_up - 1, len(flight) - horizon)
+        forecast = forecasts(model, flight, origins, [horizon])[:, 0, :3]
         goal = flight.goal[origins + horizon, :3]
         found.append([np.mean((held - goal) ** 2) for held in (forecast, flight.chi[origins, :3])])
     return np.array(found).T
@@ -172,9 +178,8 @@ def test_the_loss_is_the_error_over_that_of_persistence(name, request):
     expected = []
     for flight in some:
         origins = np.arange(encoder.delay - 1, len(flight) - HORIZONS[-1])
-        course = NeuralPredictor(model).along(flight.chi, flight.zeta)
         goal = flight.goal[origins[:, None] + HORIZONS, :3]
-        error = course.at(list(HORIZONS), origins, flight.zeta, zeta_known=True)[..., :3] - goal
+        error = forecasts(model, flight, origins, list(HORIZONS))[..., :3] - goal
         still = flight.chi[origins, None, :3] - goal
         expected.append(np.mean(np.sum(error**2, axis=(0, 2)) / np.sum(still**2, axis=(0, 2))))
     assert data.loss(dz, change).item() == pytest.approx(np.mean(expected), rel=1e-3)

@@ -16,7 +16,7 @@ from np_drake.lifting.training.mode_dictionary import (
 from np_drake.lifting.training.train import train
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.skill import model_predictions, skill_table
+from np_drake.skill.skill import skill_table
 from np_drake.training_data.segments import Segment, of_wrenches
 
 MODES, HORIZONS = time_constants((2.0, 8.0, 30.0), (2.0, 8.0, 30.0), 1e5), np.array([0, 1, 5, 20])
@@ -95,7 +95,7 @@ def test_an_unseen_flight_is_predicted_better_than_by_any_naive_row(dut, known):
 def test_a_held_zeta_leaves_the_held_forecast(model):
     """B acts on what the coming motion adds."""
     window = np.hstack([flight(2).chi, flight(2).zeta])[:30]
-    s, z = model.system, model.lift(window)
+    s, z = model.system, model.encoder(window)
     without = dc.replace(s, A=s.A.copy(), B=0 * s.B)
     without.A[:-6, -6:] = 0.0
     for _ in range(40):
@@ -103,16 +103,6 @@ def test_a_held_zeta_leaves_the_held_forecast(model):
         moved, still = s.A @ z + s.B @ z[-6:], without.A @ z
         np.testing.assert_allclose(moved, still, atol=1e-9)
         z = moved
-
-
-@pytest.mark.parametrize("torque", ["predict", "hold"])
-def test_a_whole_flight_at_once_is_the_flight_sample_by_sample(model, torque, one_by_one):
-    dut, unseen = NeuralPredictor(model, torque=torque), flight(4, 300)
-    arguments = unseen.chi, unseen.zeta, np.arange(29, 230), [0, 1, 7, 60]
-    found, expected = (
-        model_predictions(p, *arguments, zeta_known=True) for p in (dut, one_by_one(dut))
-    )
-    np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
 def test_missing_samples_leave_a_forecast_and_a_long_gap_ends_evidence(dut):

@@ -72,11 +72,11 @@ def test_the_array_is_the_csv_in_body_axes_with_the_total_wrench(neurobem):
     np.testing.assert_allclose(array.chi[:, :3], force, atol=1e-5)  # seven digits in the file [N]
     np.testing.assert_allclose(array.chi[:, 3:], torque, atol=1e-5)  # [N·m]
     np.testing.assert_allclose(array.zeta[:, :3], attitude.rotate_back(log.q, log.v), atol=1e-5)
-    assert (array.frame, array.total, array.step) == ("body", True, 0.0025)
+    assert (array.frame, array.step) == ("body", 0.0025)
     made = read_wrenches(csv)
     np.testing.assert_allclose(made.chi, array.chi, atol=1e-5)
     np.testing.assert_allclose(made.zeta, array.zeta, atol=1e-5)
-    assert (made.name, made.frame, made.total, made.step) == (array.name, "body", True, 0.0025)
+    assert (made.name, made.frame, made.step) == (array.name, "body", 0.0025)
 
 
 def test_a_pickled_array_is_never_loaded(tmp_path):
@@ -216,7 +216,7 @@ def test_a_csv_says_mass_times_specific_force_less_gravity(tmp_path):
     np.testing.assert_allclose(dut.chi, np.hstack([0.752 * expected, np.zeros((60, 3))]), atol=1e-9)
     np.testing.assert_allclose(dut.zeta[:, 0], 0.001 * np.arange(60), atol=1e-12)
     assert not dut.zeta[:, 1:].any()
-    assert (dut.frame, dut.total) == ("body", True)
+    assert dut.frame == "body"
 
 
 def test_a_csv_of_another_rate_is_refused(tmp_path):

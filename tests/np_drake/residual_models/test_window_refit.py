@@ -3,13 +3,12 @@
 import dataclasses as dc
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Phi, stabilized
+from np_drake.lifting.model.lifted_linear_system import RADIUS, LiftedLinearSystem, Phi, stabilized
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
-from np_drake.lifting.model.window_refit import RADIUS, WindowRefit
+from np_drake.residual_models.neural_predictor import WindowRefit
 
 SCALE = np.array([1.5, 1.5, 1.5, 0.5, 0.5, 0.5])
 
@@ -76,17 +75,3 @@ def test_no_window_whatever_gives_an_unstable_system(seed, size, growth):
     A, B = refit(dc.replace(paper_model(seed), ridge=1e-3), window)
     assert np.abs(np.linalg.eigvals(A)).max() <= RADIUS + 1e-9
     assert np.all(np.isfinite(B))
-
-
-@pytest.mark.parametrize("late", [0, 2])
-def test_all_windows_at_once_are_those_one_by_one(late):
-    """With windows among them whose A must be made stable."""
-    model = dc.replace(paper_model(K=6), ridge=1e-3, late=late)
-    samples = 3.0 * np.random.default_rng(3).standard_normal((60, 12))
-    samples[:, :6] *= 1.05 ** np.arange(60)[:, None]  # least squares wants |eigenvalue| > 1
-    A, B, before = WindowRefit(model).along(samples, 40)
-    assert np.sum(before > RADIUS) > 0
-    for k in range(len(A)):
-        one_A, one_B = refit(model, samples[k : k + 40])
-        np.testing.assert_allclose(A[k], one_A, atol=1e-9)
-        np.testing.assert_allclose(B[k], one_B, atol=1e-9)
