@@ -260,7 +260,7 @@ class FlightConfig:
         cable pulls across the hook's lever, by turning:
         1 / reduced = 1 / m_P + 1 / m + |p_BoTo_B|² / J.
         """
-        payload, rates = self.reality.hung, [1e-3]
+        payload, rates = self.reality.hung.check(), [1e-3]
         if payload.tether == "cable":
             turning = np.sum(np.square(payload.hook)) / np.linalg.eigvalsh(self.vehicle.J)[0]
             mass, stiffness, damping = payload.fastest

@@ -38,6 +38,11 @@ def test_the_oracle_does_not_know_a_rope():
         flight(1, kind="oracle")
 
 
+def test_a_rope_of_negative_mass_is_one_line(capsys):
+    assert run(["fly", "hover", "--set", "reality.payload.rope_mass=-1"]) == 2
+    assert "rope_mass must be" in capsys.readouterr().err.splitlines()[-1]
+
+
 def test_the_parts_of_a_rope_weigh_what_it_weighs():
     payload, riding = None, 0.0
     for effect in flight(1).reality.everything():
