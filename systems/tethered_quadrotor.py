@@ -31,7 +31,7 @@ from systems.plant import (
 from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
 from systems.rotors import add_rotors
 from systems.vehicle_forces import SteadyEffects, add_vehicle_forces
-from systems.wrench_effects import ExternalForces, WrenchEffects
+from systems.wrench_effects import ExternalForces, WrenchEffects, export_pushes
 
 
 def make_tethered_quadrotor(
@@ -128,9 +128,13 @@ def make_tethered_quadrotor(
         forces = _add_effects(
             builder, vehicle, wrench_effects, onsets, plant=plant, state=state, rotors=rotors
         )
+        external = builder.AddNamedSystem("external_forces", ExternalForces(plant))
+        builder.Connect(plant.get_state_output_port(), external.get_input_port(0))
+        export_pushes(builder, external)
+        forces.append(external.get_output_port())
     if cable is not None and cable is not within:
         forces.append(cable.GetOutputPort("generalized_force"))
-    force = _sum_forces(builder, plant, forces)
+    force = _sum_forces(builder, forces)
     if changes:
         change = builder.AddNamedSystem("mass_change", MassChange(plant, vehicle, changes))
         builder.Connect(plant.get_state_output_port(), change.GetInputPort("plant_state"))
@@ -215,18 +219,11 @@ def _declare_events(
     return sorted(changes, key=lambda change: change[0])
 
 
-def _sum_forces(
-    builder: DiagramBuilder, plant: MultibodyPlant, forces: list[OutputPort]
-) -> OutputPort:
-    """Return the port of the sum of generalized forces and of those from outside, whose ports are
-    exported.
-    """
-    external = builder.AddNamedSystem("external_forces", ExternalForces(plant))
-    builder.Connect(plant.get_state_output_port(), external.get_input_port(0))
-    for i in range(1, external.num_input_ports()):
-        port = external.get_input_port(i)
-        builder.ExportInput(port, port.get_name())
-    total = builder.AddNamedSystem("forces", Adder(1 + len(forces), plant.num_velocities()))
-    for i, port in enumerate([*forces, external.get_output_port()]):
+def _sum_forces(builder: DiagramBuilder, forces: list[OutputPort]) -> OutputPort:
+    """Return the port of the sum of generalized forces."""
+    if len(forces) == 1:
+        return forces[0]
+    total = builder.AddNamedSystem("forces", Adder(len(forces), forces[0].size()))
+    for i, port in enumerate(forces):
         builder.Connect(port, total.get_input_port(i))
     return total.get_output_port()

@@ -9,6 +9,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, Gain, Integrator
 
+from np_drake import attitude
 from np_drake.compiled import compiled, turned
 from np_drake.effects.base import ActuatorEffect, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets
@@ -20,6 +21,7 @@ from np_drake.vehicle import Vehicle
 from systems.cable import Cable, cable_force
 from systems.plant_readings import vehicle_state
 from systems.rotors import RotorPorts, add_commanded_thrust, with_nominal_lag
+from systems.wrench_effects import PUSH, WRENCH, export_pushes
 
 
 @dc.dataclass(frozen=True)
@@ -72,7 +74,8 @@ class SteadyEffects:
 class VehicleForces(LeafSystem):
     """Generalized force of rotors, rotor drag and cable, all in one call.
 
-    It is the sum of what `Propeller`, `WrenchEffects` and `Cable` give for the same effects.
+    It is the sum of what `Propeller`, `WrenchEffects`, `Cable` and `ExternalForces` give for the
+    same effects.
 
     .. pydrake_system::
 
@@ -82,6 +85,8 @@ class VehicleForces(LeafSystem):
         - command
         - rotor_speed
         - holds
+        - external_wrench (optional)
+        - payload_force (optional)
         output_ports:
         - target
         - generalized_force
@@ -94,6 +99,7 @@ class VehicleForces(LeafSystem):
     | command | 4 | commanded rotor thrust after saturation and dead time | N |
     | rotor_speed | 4 | actual | rad/s |
     | holds | 1 | 1 while the cable holds, else 0; with a cable only | |
+    | external_wrench, payload_force | 6, 3 | as of `ExternalForces` | N, N·m |
     | target | 4 | speed at which a rotor gives the commanded thrust, over the time constant of the lag | rad/s² |
     | generalized_force | nv | [moment about Bo, force] on B, then on a payload, in W | N·m, N |
     | thrust | 4 | actual rotor thrust | N |
@@ -126,10 +132,13 @@ class VehicleForces(LeafSystem):
         self._command_port = self.DeclareVectorInputPort("command", 4)
         self._speed_port = self.DeclareVectorInputPort("rotor_speed", 4)
         self._holds_port = None if cable is None else self.DeclareVectorInputPort("holds", 1)
+        self._wrench_port = self.DeclareVectorInputPort(WRENCH, 6)
+        self._pushes = [self._wrench_port]
+        if size > 6:
+            self._pushes.append(self.DeclareVectorInputPort(PUSH, 3))
         speed = {self._speed_port.ticket()}
-        needed = speed | {
-            port.ticket() for port in (self._state_port, self._holds_port) if port is not None
-        }
+        ports = (self._state_port, self._holds_port, *self._pushes)
+        needed = speed | {port.ticket() for port in ports if port is not None}
         self.DeclareVectorOutputPort("target", 4, self._calc_target, {self._command_port.ticket()})
         self.DeclareVectorOutputPort("generalized_force", self._size, self._calc_force, needed)
         self.DeclareVectorOutputPort("thrust", 4, self._calc_thrust, speed)
@@ -141,14 +150,14 @@ class VehicleForces(LeafSystem):
 
     def _calc_force(self, context, output) -> None:
         holds = 0.0 if self._holds_port is None else self._holds_port.Eval(context)[0]
-        force = np.zeros(self._size)
-        _total(
-            self._state_port.Eval(context),
-            self._speed_port.Eval(context),
-            holds,
-            *self._constants,
-            force,
-        )
+        state, force = self._state_port.Eval(context), np.zeros(self._size)
+        _total(state, self._speed_port.Eval(context), holds, *self._constants, force)
+        for first, port in zip((3, 9), self._pushes, strict=False):
+            if port.HasValue(context):
+                pushed = port.Eval(context)
+                force[first : first + 3] += pushed[:3]
+                if port is self._wrench_port:
+                    force[:3] += attitude.rotate(state[:4], pushed[3:])
         output.SetFromVector(force)
 
     def _calc_thrust(self, context, output) -> None:
@@ -220,8 +229,8 @@ def add_vehicle_forces(
     hover_thrust: np.ndarray,
     command_period: float,
 ) -> tuple[RotorPorts, OutputPort]:
-    """Add what lies between the command `u`, which is exported, and the plant; return rotors and
-    generalized force.
+    """Add what lies between the command `u` and forces from outside, which are exported, and the
+    plant; return rotors and generalized force.
 
     Args:
         builder: of the diagram.
@@ -246,6 +255,7 @@ def add_vehicle_forces(
     builder.Connect(plant.get_state_output_port(), forces.GetInputPort("plant_state"))
     if cable is not None:
         builder.Connect(cable.GetOutputPort("holds"), forces.GetInputPort("holds"))
+    export_pushes(builder, forces)
     ports = RotorPorts(forces.GetOutputPort("thrust"), forces.GetOutputPort("nominal_thrust"), None)
     return ports, forces.GetOutputPort("generalized_force")
 

@@ -3,14 +3,17 @@
 from collections.abc import Sequence
 
 import numpy as np
+from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable
-from pydrake.systems.framework import LeafSystem
+from pydrake.multibody.tree import MultibodyForces
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from np_drake.compiled import compiled, turned
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets, acting, require_complete, total_wrench
 from np_drake.vehicle import Vehicle
+
+WRENCH, PUSH = "external_wrench", "payload_force"  # ports of forces from outside
 
 
 class WrenchEffects(LeafSystem):
@@ -114,8 +117,9 @@ class ExternalForces(LeafSystem):
     def __init__(self, plant: MultibodyPlant):
         super().__init__()
         self._plant, self._workspace = plant, plant.CreateDefaultContext()
+        self._forces = MultibodyForces(plant)
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
-        bodies = {"quadrotor": ("external_wrench", 6), "payload": ("payload_force", 3)}
+        bodies = {"quadrotor": (WRENCH, 6), "payload": (PUSH, 3)}
         self._pushed = [
             (plant.GetBodyByName(name), self.DeclareVectorInputPort(*port))
             for name, port in bodies.items()
@@ -129,19 +133,24 @@ class ExternalForces(LeafSystem):
         )
 
     def _calc_force(self, context, output) -> None:
-        plant, workspace = self._plant, self._workspace
-        force, W = np.zeros(plant.num_velocities()), plant.world_frame()
+        plant, workspace, forces = self._plant, self._workspace, self._forces
+        forces.SetZero()
         for body, port in self._pushed:
             if port.HasValue(context):
                 plant.SetPositionsAndVelocities(workspace, self._state_port.Eval(context))
                 pushed = np.zeros(6)
                 pushed[: port.size()] = port.Eval(context)
                 torque = plant.EvalBodyPoseInWorld(workspace, body).rotation() @ pushed[3:]
-                J = plant.CalcJacobianSpatialVelocity(
-                    workspace, JacobianWrtVariable.kV, body.body_frame(), np.zeros(3), W, W
-                )
-                force += J.T @ np.concatenate([torque, pushed[:3]])
-        output.SetFromVector(force)
+                body.AddInForceInWorld(workspace, SpatialForce(torque, pushed[:3]), forces)
+        output.SetFromVector(plant.CalcGeneralizedForces(workspace, forces))
+
+
+def export_pushes(builder: DiagramBuilder, system: LeafSystem) -> None:
+    """Export the ports of a system that forces from outside come by."""
+    for i in range(system.num_input_ports()):
+        port = system.get_input_port(i)
+        if port.get_name() in (WRENCH, PUSH):
+            builder.ExportInput(port, port.get_name())
 
 
 @compiled

@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 
-import numpy as np
 import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
@@ -28,19 +27,24 @@ def stated(vehicle):
     ).check()
 
 
-@pytest.fixture(scope="module")
-def flights():
+def flown(inertia, seed):
+    """Return three flights of the vehicle with its moments of inertia scaled."""
     return [
         fly(
-            InertiaError(1.0, 1.0, YAW),
+            InertiaError(*inertia),
             name=f"f{i}",
-            seed=40 + i,
+            seed=seed + i,
             seconds=14.0,
             noise=1.0,
             vehicle=COPIED,
         )
         for i in range(3)
     ]
+
+
+@pytest.fixture(scope="module")
+def flights():
+    return flown((1.0, 1.0, YAW), 40)
 
 
 def found(vehicle, flights):
@@ -65,16 +69,5 @@ def test_where_nothing_is_stated_the_same_error_is_calibration(flights):
 
 
 def test_what_lies_within_a_stated_interval_is_not_named():
-    inertia = np.array([1.05, 0.96, 1.04])
-    flights = [
-        fly(
-            InertiaError(*inertia),
-            name=f"f{i}",
-            seed=50 + i,
-            seconds=14.0,
-            noise=1.0,
-            vehicle=COPIED,
-        )
-        for i in range(3)
-    ]
+    flights = flown((1.05, 0.96, 1.04), 50)
     assert "inertia_error" not in found(stated(COPIED), flights).verdict
