@@ -16,6 +16,7 @@ from np_drake.effects.base import ActuatorEffect, MassEffect, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets, acting, mass_properties
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.files.yaml_file import check_numbers
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable, Rope
 from systems.mass_change import Change, MassChange
@@ -47,7 +48,10 @@ def make_tethered_quadrotor(
     events: Sequence[PayloadEvent] = (),
     add_bodies: Callable[[MultibodyPlant], None] | None = None,
 ) -> Diagram:
-    """Return the real vehicle as one Diagram, hovering at rest at the world origin by default.
+    """Return the real vehicle as one Diagram, its rotors at the thrust of hovering.
+
+    Quadrotor and payload begin at the world's origin, one in the other: `set_hover` hangs the
+    payload below.
 
     Args:
         vehicle: as its file says.
@@ -81,6 +85,9 @@ def make_tethered_quadrotor(
         impossible.
     """  # noqa: E501
     payload.check()
+    check_numbers("make_tethered_quadrotor: hangs_at", hangs_at, "s")
+    for event in events:
+        event.check()
     require(
         not events or payload.tether == "cable",
         f"make_tethered_quadrotor: events need a payload on a cable; got {payload.tether}.",

@@ -202,16 +202,22 @@ def scenarios(
         reality is None or vehicle is None,
         "give either --reality, which has a vehicle of its own, or --vehicle.",
     )
-    first = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
-    if "solver" not in (read_yaml(scenario_file(experiment)).get("controller") or {}):
+    flown = None if vehicle is None else load_vehicle(vehicle)
+    changed = bool(fields) or payload is not None or reality is not None
+    whole = not changed and not controllers and not duration and not autopilot
+    first = load_experiment(experiment, flown, reality, checked=whole)
+    content = read_yaml(scenario_file(experiment))
+    if "solver" not in (content.get("controller") or {}):
         first.controller.solver = DEFAULT_SOLVER
+    named = any(field.startswith("simulator.") for field in fields)
+    named = named or ("simulator" in content and reality is None)
     if payload is not None:
         first = with_payload(first, payload)
     wanted = [*fields, *([f"duration={duration}"] if duration else [])]
 
     def flown_by(kind: str) -> FlightConfig:
         config = _with_fields(_with_controller(first, kind), wanted)
-        config = config.check_and_step() if payload is not None or fields else config.check()
+        config = config.check_and_step() if changed and not named else config.check()
         return config if autopilot is None else _with_autopilot(config, autopilot)
 
     configs = [flown_by(kind) for kind in controllers or [first.controller.kind]]

@@ -41,7 +41,11 @@ def settings_of(config: FlightConfig) -> dict[str, Any]:
 
 
 def load_experiment(
-    name: str, vehicle: Vehicle | None = None, reality: str | Path | None = None
+    name: str,
+    vehicle: Vehicle | None = None,
+    reality: str | Path | None = None,
+    *,
+    checked: bool = True,
 ) -> FlightConfig:
     """Return the experiment called `name`, or the scenario file at that path.
 
@@ -52,19 +56,21 @@ def load_experiment(
         reality: experiment or scenario file whose vehicle flies, in its reality and by its
             simulator, in place of the scenario's, and with its controller where the scenario names
             none.
+        checked: as of `load_flight`.
     Raises: ValueError: where there is none.
     """
     if reality is not None:
         other = load_flight(str(scenario_file(reality)))
-        config = load_experiment(name, other.vehicle)
+        config = load_experiment(name, other.vehicle, checked=checked)
         if "controller" not in read_yaml(scenario_file(name)):
             config = dc.replace(config, controller=other.controller)
-        return dc.replace(config, reality=other.reality, simulator=other.simulator).check_and_step()
+        config = dc.replace(config, reality=other.reality, simulator=other.simulator)
+        return config.check_and_step() if checked else config
     require(
         name in EXPERIMENTS or name.endswith((".yaml", ".yml")),
         f"experiment: must be one of {', '.join(EXPERIMENTS)} or a YAML file; got {name!r}.",
     )
-    return load_flight(str(scenario_file(name)), vehicle)
+    return load_flight(str(scenario_file(name)), vehicle, checked=checked)
 
 
 def scenario_file(name: str | Path) -> Path:
@@ -98,7 +104,7 @@ def with_payload(config: FlightConfig, mass: float) -> FlightConfig:
     require(
         0 <= mass < np.inf, f"--payload: must not be negative [kg] and finite; got {mass or 0:g}."
     )
-    reality, hung = config.reality, config.reality.hung
+    reality, hung = config.reality.check(), config.reality.hung
     if mass == 0.0:
         effects = [e for e in reality.effects if not isinstance(e.made, SuspendedPayload)]
         none = dc.replace(reality, payload=PayloadConfig(tether="none"), effects=effects)

@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses as dc
+import logging
 import re
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,10 @@ from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
 from systems.payload_config import PayloadEvent
 
+logger = logging.getLogger(__name__)
 MOST_ROWS = 10**6  # of a record, at one a period, which takes 700 MB; own choice: 5 hours at 50 Hz
 FINEST_STEP = 1e-6  # of the simulator [s]; own choice
+SLOW = 0.1  # of the step that was set: a warning; own choice [1]
 RATE = 100.0  # at which a motion is looked at [Hz]
 LOOKS = 1 / RATE  # between two looks at a motion [s]
 MOST_INSTANTS = 200_000  # of a motion that are looked at
@@ -303,9 +306,19 @@ class FlightConfig:
         return changes
 
     def check_and_step(self) -> "FlightConfig":
-        """Return a checked copy whose fixed step of the simulator is within `largest_step`."""
-        simulator = copy.copy(self.simulator)
-        simulator.max_step_size = min(simulator.max_step_size, 0.95 * self.largest_step)
+        """Return a checked copy whose fixed step of the simulator is within `largest_step`; one
+        that makes the flight slow is said.
+        """
+        simulator, largest = copy.copy(self.simulator), 0.95 * self.largest_step
+        if largest < SLOW * simulator.max_step_size:
+            logger.warning(
+                "%s: simulator.max_step_size becomes %.2g s for this cable and these motors, in "
+                "place of %g s; that is slow. A softer cable or fewer segments take longer steps.",
+                self.name,
+                largest,
+                simulator.max_step_size,
+            )
+        simulator.max_step_size = min(simulator.max_step_size, largest)
         return dc.replace(self, simulator=simulator).check()
 
     @property
@@ -334,7 +347,9 @@ def default_flight(vehicle: Vehicle) -> FlightConfig:
     return scaled(FlightConfig(vehicle=vehicle))
 
 
-def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
+def load_flight(
+    filename: str, vehicle: Vehicle | None = None, *, checked: bool = True
+) -> FlightConfig:
     """Read a scenario file (YAML).
 
     Defaults scale with the vehicle, and what the file names stands in SI, unless it says `scaled:
@@ -344,6 +359,7 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
     Args:
         filename: of the scenario.
         vehicle: flies in place of the file's.
+        checked: False: fields of the file may still change, and `check` comes after.
     Raises: ValueError: one line with file and field, on bad content.
     """
     with one_line(filename, "scenario file"):
@@ -351,7 +367,7 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
         flight = flight.with_autopilot(flight.autopilot.kind) if flight.autopilot.flies else flight
         if is_own(flight.controller.kind):
             flight.controller.kind = beside(flight.controller.kind, Path(filename).parent)
-        return flight.check()
+        return flight.check() if checked else flight
 
 
 def _read(content: Any, vehicle: Vehicle | None, folder: Path) -> FlightConfig:

@@ -4,6 +4,7 @@ import copy
 import dataclasses as dc
 import difflib
 import math
+import numbers
 import reprlib
 import typing
 from collections.abc import Iterator
@@ -77,21 +78,35 @@ def check_fields(thing: Any, who: str) -> None:
             words = ", ".join(filter(None, about["words"]))
             raise ValueError(f"{who}: {field.name} must be one of {words}; got {value!r}.")
         if "unit" in about and not (value is None and field.default is None):
-            _check_numbers(f"{who}: {field.name}", value, **about)
+            check_numbers(f"{who}: {field.name}", value, whole=field.type is int, **about)
 
 
-def _check_numbers(
-    name: str, value: Any, unit: str, bounds: tuple[float, float], shape: tuple[int, ...]
+def check_numbers(
+    name: str,
+    value: Any,
+    unit: str,
+    bounds: tuple[float, float] = (0, math.inf),
+    shape: tuple[int, ...] = (),
+    *,
+    whole: bool = False,
 ) -> None:
+    """Check a number, or numbers of a shape, within bounds [unit].
+
+    Raises: ValueError: one line with name, bounds, unit and value.
+    """
     least, most = bounds
-    fits = np.shape(value) == shape and np.all(np.isfinite(value))
-    if fits and np.min(value) >= least and np.max(value) <= most:
+    kind = numbers.Integral if whole else numbers.Real
+    found = np.array(value, dtype=object)
+    counts = [one for one in found.flat if isinstance(one, kind) and not isinstance(one, bool)]
+    fits = found.shape == shape and len(counts) == found.size
+    if fits and all(least <= one <= most and abs(one) <= LARGEST for one in counts):
         return
     between = f"positive, {most:g} at most" if least == POSITIVE else f"{least:g} to {most:g}"
     words = WORDS.get(bounds, between)
     count = f"{' x '.join(map(str, shape))} numbers, each " if shape else ""
     remedy = f" Is it in {unit}?" if most < math.inf and unit != "1" else ""
-    raise ValueError(f"{name} must be {count}{words} [{unit}]; got {value}.{remedy}")
+    words = f"whole and {words}" if whole else words
+    raise ValueError(f"{name} must be {count}{words} [{unit}]; got {shown(value)}.{remedy}")
 
 
 class _Loader(yaml.SafeLoader):

@@ -16,7 +16,7 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.rigid_body import residual_wrench
 from np_drake.vehicle import Vehicle
 from systems.mass_change import MassChange
-from systems.payload_config import PayloadConfig, payload_config
+from systems.payload_config import PayloadConfig, payload_config, release
 from systems.plant import add_free_body, set_hover, set_payload_mass, set_vehicle_mass, sphere
 from systems.tethered_quadrotor import make_plant, make_tethered_quadrotor
 
@@ -151,6 +151,14 @@ def test_taut_swing_keeps_its_energy(apply_impulse):
 def test_rotor_thrust_saturates():
     simulator, *_ = simulator_of(PayloadConfig(tether="none"), u=[100.0, 0, 0, 0])
     np.testing.assert_allclose(evaluate(simulator, "rotor_thrust"), 12.0)
+
+
+@pytest.mark.parametrize(
+    "time", [{"hangs_at": np.nan}, {"hangs_at": "a"}, {"events": [release(np.nan)]}]
+)
+def test_a_time_that_is_no_number_is_refused(time):
+    with pytest.raises(ValueError, match="must be .*nan|must be .*'a'"):
+        make_tethered_quadrotor(Vehicle(), PayloadConfig(), **time)
 
 
 def test_a_payload_that_is_hung_on_in_flight_moves_with_the_turning_hook():

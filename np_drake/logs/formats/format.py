@@ -70,6 +70,7 @@ class Recording:
 
 SAYS = "the log says: "  # beginning of a line on what a vehicle says of itself
 CLIPS = f"{SAYS}the accelerometer clips"
+CUT = "the log ends within a message (cut off)"
 FEW_CLIPS = 0.01  # share of samples that may clip [1]; own choice
 COUNTED = 1000.0  # least rate of an accelerometer whose samples that clip are counted [Hz]
 
@@ -85,6 +86,7 @@ class Scanned(dict[str, tuple[str, ...]]):
     Args:
         rates: of streams of rotors [Hz].
         values: by `stream/column`, those of a column that says what its rows are.
+        cut: whether the file ends within a message.
     """
 
     def __init__(
@@ -93,8 +95,11 @@ class Scanned(dict[str, tuple[str, ...]]):
         parameters: Mapping[str, float] | None = None,
         rates: Mapping[str, float] | None = None,
         values: Mapping[str, float] | None = None,
+        *,
+        cut: bool = False,
     ) -> None:
         super().__init__(streams)
+        self.cut = cut
         self.parameters, self.rates, self.values_of = (
             dict(parameters or {}),
             dict(rates or {}),

@@ -6,7 +6,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox import BLACKBOX
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.dataflash import DATAFLASH
-from np_drake.logs.formats.format import FIRST, Format, first_bytes
+from np_drake.logs.formats.format import Format, first_bytes
 from np_drake.logs.formats.ros import ROS
 from np_drake.logs.formats.table import NEURAL_FLY, TABLE
 from np_drake.logs.formats.telemetry import TELEMETRY
@@ -28,8 +28,6 @@ FORMATS: tuple[Format, ...] = (  # the first that recognises a file reads it
 KNOWN = {  # beginning of a file that is no log yet: what it is, and how it becomes one
     b"ULogEnc": "an encrypted PX4 log; decrypt it with the private key of its vehicle (PX4's "
     "Tools/decrypt_ulog.py), and give the .ulg",
-    bytes(FIRST): "a file of zeros, as a card leaves it that lost its power; copy it again from "
-    "the vehicle",
     b"version https://git-lfs": "a pointer of Git LFS, without the file; run git lfs pull",
     b"<!DOCTYPE html": "a web page; download the log itself",
     b"<html": "a web page; download the log itself",
@@ -38,6 +36,7 @@ KNOWN = {  # beginning of a file that is no log yet: what it is, and how it beco
     b"\x89HDF": "an HDF5 file; write its columns as a table",
     b"MATLAB 5.0": "a file of MATLAB; write its columns as a table",
 }
+ZEROS = "only zeros, as a card leaves it that lost its power; copy it again from the vehicle"
 
 
 def format_of(path: str | Path, name: str = "") -> Format:
@@ -47,7 +46,8 @@ def format_of(path: str | Path, name: str = "") -> Format:
     """
     path = Path(path)
     start = first_bytes(path)
-    for beginning, what in KNOWN.items():
+    zeros = bytes(max(len(start), 1))
+    for beginning, what in (KNOWN | {zeros: ZEROS}).items():
         if start.startswith(beginning):
             raise LogError(f"{path}: must hold a flight log; it is {what}.")
     if name:

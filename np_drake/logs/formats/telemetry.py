@@ -19,9 +19,11 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
+from np_drake.logs.columns import LEAST_ROWS
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats import dataflash, ulog
 from np_drake.logs.formats.format import (
+    CUT,
     Contents,
     Format,
     Motors,
@@ -55,7 +57,7 @@ NEEDS = "MAVLink logs need pymavlink; pip install 'np_drake[node]', or bring the
 class _Log:
     """Places of the messages of the vehicle that tells its state most often, by number.
 
-    lost: bytes that are of no message.
+    lost: bytes that are of no message.   cut: the file ends within one.
     """
 
     def __init__(self, path: Path) -> None:
@@ -66,7 +68,7 @@ class _Log:
         self.library, self.data, self.lost = ardupilotmega, path.read_bytes(), 0
         self._decoder = ardupilotmega.MAVLink(None)
         places: dict[tuple[int, int], dict[int, list[int]]] = {}
-        at = 0
+        at = end = 0
         while at < len(self.data):
             source, number, size = _frame(self.data, at)
             follows = at + size == len(self.data) or _frame(self.data, at + size)[2]
@@ -77,13 +79,15 @@ class _Log:
                 at = after
                 continue
             places.setdefault(source, {}).setdefault(number, []).append(at)
-            at += size
+            at = end = at + size
+        self.cut = end < len(self.data)
         told = Counter({s: sum(len(own.get(n, ())) for n in STATE) for s, own in places.items()})
         source = max(told, key=lambda one: told[one], default=(0, 0))
         require(
-            told[source],
-            f"{path}: must hold the state of a vehicle (ATTITUDE, LOCAL_POSITION_NED); it has "
-            "none. Bring the vehicle's own log.",
+            told[source] >= LEAST_ROWS,
+            f"{path}: must hold the state of a vehicle (ATTITUDE, LOCAL_POSITION_NED) in "
+            f"{LEAST_ROWS} messages; it has {told[source]}{f', and {CUT}' if self.cut else ''}. "
+            "Copy it again, or bring the vehicle's own log.",
             LogError,
         )
         self.places = places[source]
@@ -167,7 +171,7 @@ def _contents(path: Path) -> Contents:
             moves = np.ptp(own, axis=0) > 0
             kept = moves if name == "SERVO_OUTPUT_RAW" else np.ones(len(columns), bool)
             found[f"{name}.{instance:g}"] = tuple(np.array(columns)[kept].tolist())
-    return Scanned(found, _parameters(log))
+    return Scanned(found, _parameters(log), cut=log.cut)
 
 
 def _parameters(log: _Log) -> dict[str, float]:
@@ -229,6 +233,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     facts = {"clock": "time since the vehicle's boot [s]"}
     maker = AUTOPILOTS.get(int(_parameters(log)["MAV_AUTOPILOT"]))
     facts |= {"autopilot": maker} if maker else {}
+    cut = (f"{CUT}; its whole messages are kept",) if log.cut else ()
     notes = (f"{log.lost} bytes are of no message",) if log.lost else ()
     breaks = tuple((float(t), "the vehicle boots again") for t in clock.breaks)
     warned = [(stamp, m.text) for stamp, m in log.messages(TEXT) if m.severity <= ulog.WARNS]
@@ -237,7 +242,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     stamps, rows = log.rows(VIBRATION, VIBRATIONS)
     seconds = float(np.ptp(stamps)) if len(stamps) else 0.0
     clips, said = dataflash.shaken(seconds, rows[:, 3:], rows[:, :3], "VIBRATION")
-    return Recording(str(path), streams, facts, notes, tuple(said), breaks, events, clips)
+    return Recording(str(path), streams, facts, notes, (*cut, *said), breaks, events, clips)
 
 
 def motors(contents: Contents) -> Motors:

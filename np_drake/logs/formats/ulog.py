@@ -21,6 +21,7 @@ from np_drake.checks import require
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import (
     COUNTED,
+    CUT,
     FEW_CLIPS,
     Contents,
     Format,
@@ -393,7 +394,7 @@ def _contents(path: Path) -> Contents:
     there, or only armed.
     Raises: LogError: if it is no ULog file, or pyulog is not installed.
     """
-    log, _ = _parse(Path(path), None, no_progress)
+    log, cut = _parse(Path(path), None, no_progress)
     found: dict[str, tuple[str, ...]] = {}
     rates: dict[str, float] = {}
     values: dict[str, float] = {}
@@ -422,7 +423,7 @@ def _contents(path: Path) -> Contents:
         found.setdefault(name, tuple(columns))
     numbers = log.initial_parameters.items()
     parameters = {n: float(v) for n, v in numbers if isinstance(v, int | float) and np.isfinite(v)}
-    return Scanned(found, parameters, rates, values)
+    return Scanned(found, parameters, rates, values, cut=cut)
 
 
 def _lift(log: Any, t: np.ndarray, outputs: Sequence[np.ndarray]) -> float:
@@ -455,7 +456,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     streams: dict[str, Stream] = {}
     delays: dict[str, float] = {}
     notes: list[str] = []
-    said: list[str] = []
+    said = [f"{CUT}; its whole messages are kept"] if cut else []
     resets: list[tuple[float, str]] = []
     for name, columns in wanted.items():
         parts = [data.data for data in log.data_list if _stream_name(data) == name]
@@ -485,7 +486,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         never = [c.removesuffix("_valid") for c in VALID if c in flags and not flags[c].any()]
         said += [f"{name}: {', '.join(never)} never valid"] if never else []
         resets += _resets(t, flags)
-    notes = [*_damage(log, cut), *_timing(wanted, delays), *notes]
+    notes = [*_damage(log), *_timing(wanted, delays), *notes]
     clips, clipped, shakes = _shaken(log)
     return Recording(
         str(path),
@@ -594,12 +595,10 @@ def _timing(names: Iterable[str], delays: Mapping[str, float]) -> Iterator[str]:
         yield f"times are those at which a command was published: {', '.join(commands)}."
 
 
-def _damage(log: Any, cut: bool) -> Iterator[str]:
+def _damage(log: Any) -> Iterator[str]:
     """Yield notes on what is damaged, and on what the logger lost."""
     if log.file_corruption:
         yield "the log is damaged; messages that could not be read are left out."
-    if cut:
-        yield "the log ends within a message (cut off); its whole messages are kept."
     lost = np.array([dropout.duration for dropout in log.dropouts]) / 1000
     if len(lost):
         yield (

@@ -17,6 +17,7 @@ from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS, LOOKS, looking_lik
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import (
     CLIPS,
+    CUT,
     SAYS,
     Contents,
     Format,
@@ -75,8 +76,8 @@ def lacking(contents: Contents) -> str:
 
 
 def looks(contents: Contents, fields: str) -> str:
-    """Return a sentence on the columns of a log that look like fields that it lacks; empty: none
-    does.
+    """Return a sentence on the columns of a log that look like fields that it lacks, and that the
+    log is cut off; empty: neither.
 
     Args:
         fields: as keys of `LOOKS`, one letter each.
@@ -89,7 +90,8 @@ def looks(contents: Contents, fields: str) -> str:
     missing = [field for field in fields if not set(COLUMNS[field]) <= set(names)]
     found = {LOOKS[field][0]: looking_like(names, field) for field in missing}
     said = [f"{what}: {shorten(alike)}" for what, alike in found.items() if alike]
-    return f" Columns that look like {'; '.join(said)}." if said else ""
+    cut = f" And {CUT}; copy it again." if getattr(contents, "cut", False) else ""
+    return (f" Columns that look like {'; '.join(said)}." if said else "") + cut
 
 
 Parts = tuple[LogMap, list[Part], list[str]]  # map, what was made of every part, lines
@@ -375,6 +377,12 @@ def _map_for(
     given = log_map.values if isinstance(log_map, MapFile) else log_map
     known = format_of(path, given.format if given else "")
     contents = known.contents(path)
+    require(
+        contents,
+        f"{path}: must hold rows; this log ({known.title}) has none. Copy it again from the "
+        "vehicle.",
+        LogError,
+    )
     motors = Motors()
     try:
         own = (

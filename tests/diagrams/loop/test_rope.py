@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from diagrams.cli.fly import scenarios
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
@@ -41,6 +42,26 @@ def test_the_oracle_does_not_know_a_rope():
 def test_a_rope_of_negative_mass_is_one_line(capsys):
     assert run(["fly", "hover", "--set", "reality.payload.rope_mass=-1"]) == 2
     assert "rope_mass must be" in capsys.readouterr().err.splitlines()[-1]
+
+
+STEP = "simulator.max_step_size"
+
+
+def test_fields_of_the_command_line_come_before_the_check_of_the_step(tmp_path, caplog):
+    path = tmp_path / "r.yaml"
+    text = "reality: {payload: {rope_mass: 0.05, segments: 5}}\nsimulator: {max_step_size: 0.004}"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=rf"r.yaml: not a scenario file: .*{STEP} must be at most"):
+        scenarios(str(path), [])
+    with pytest.raises(ValueError, match=f"{STEP} must be at most"):
+        scenarios(str(path), [], fields=["reference.speed=1"])
+    (mended,) = scenarios(str(path), [], fields=[f"{STEP}=0.0001"])
+    assert mended.simulator.max_step_size == 0.0001
+    with pytest.raises(ValueError, match=f"{STEP} must be at most"):
+        scenarios("circle", [], fields=["reality.payload.rope_mass=0.05", f"{STEP}=0.004"])
+    assert not caplog.records
+    (slow,) = scenarios("circle", [], fields=["reality.payload.rope_mass=0.05"])
+    assert f"{STEP} becomes {slow.simulator.max_step_size:.2g} s" in caplog.text
 
 
 def test_the_parts_of_a_rope_weigh_what_it_weighs():

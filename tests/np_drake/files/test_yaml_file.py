@@ -139,6 +139,7 @@ class Bounded:
     delay: float | None = number(None, "s", 0.0, 1.0)
     place: list[float] = number([0.0, 0.0], "m", -1.0, 2.0)
     kind: str = word("one", "one", "two")
+    parts: int = number(1, "1", 1, 9)
 
 
 @pytest.mark.parametrize(
@@ -151,6 +152,12 @@ class Bounded:
         ({"place": [0.0]}, "place must be 2 numbers, each -1 to 2 [m]; got [0.0]."),
         ({"place": [0.0, 3.0]}, "place must be 2 numbers, each -1 to 2 [m]; got [0.0, 3.0]."),
         ({"kind": "three"}, "kind must be one of one, two; got 'three'."),
+        ({"size": "a"}, "size must be positive and finite [m]; got 'a'."),
+        ({"size": True}, "size must be positive and finite [m]; got True."),
+        ({"size": 10**400}, "size must be positive and finite [m]; got 10"),
+        ({"place": [[0.0], [0.0, 1.0]]}, "place must be 2 numbers, each -1 to 2 [m]; got [[0.0]"),
+        ({"parts": 2.5}, "parts must be whole and 1 to 9 [1]; got 2.5."),
+        ({"parts": True}, "parts must be whole and 1 to 9 [1]; got True."),
     ],
 )
 def test_a_value_outside_its_bounds_is_told_with_them(change, reason):

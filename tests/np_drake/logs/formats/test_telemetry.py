@@ -95,11 +95,23 @@ def test_bytes_that_are_no_message_are_passed_over_and_counted(flown, tmp_path):
     assert any("bytes are of no message" in note for note in dut.sheet.content["notes"])
 
 
+def test_a_log_that_was_cut_short_says_so(flown, tmp_path):
+    path = tmp_path / "log.tlog"
+    writer.write(path, writer.frames(flown, pulses(flown)))
+    content = path.read_bytes()
+    assert not any("cut off" in line for line in import_log(path).said)
+    path.write_bytes(content[: len(content) // 2])
+    assert "the log ends within a message (cut off)" in import_log(path).said[0]
+    path.write_bytes(content[:100])
+    with pytest.raises(LogError, match=r"in 20 messages; it has .*cut off\)\. Copy it again"):
+        import_log(path)
+
+
 def test_a_log_without_a_vehicle_says_what_to_bring(flown, tmp_path):
     path = tmp_path / "log.tlog"
     rows = [row for row in writer.frames(flown, pulses(flown)) if row[1][5] == 255]
     writer.write(path, rows)
-    with pytest.raises(LogError, match=r"state of a vehicle.*Bring the vehicle's own log"):
+    with pytest.raises(LogError, match=r"state of a vehicle.*bring the vehicle's own log"):
         import_log(path)
 
 

@@ -14,6 +14,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Recording, Stream
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.ulog import ULOG
+from np_drake.logs.importing.import_log import import_log
 
 Q = [f"q[{i}]" for i in range(4)]
 
@@ -152,7 +153,10 @@ def test_of_a_log_that_was_cut_the_whole_messages_are_kept(log, writer, made):
     log.write_bytes(content[: -10 * row - 7])
     dut = everything(log)
     assert len(dut.streams["vehicle_attitude"]) == 49
-    assert "cut off" in dut.notes[0]
+    assert "cut off" in dut.said[0]
+    log.write_bytes(content[:60])
+    with pytest.raises(LogError, match=r"must hold rows; this log \(PX4 ULog\) has none. Copy it"):
+        import_log(log)
 
 
 def test_warnings_of_the_parser_become_notes(log, writer, made, capsys):
