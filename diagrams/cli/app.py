@@ -13,7 +13,7 @@ import typer
 from typer import Option
 from typer.core import TyperGroup
 
-from diagrams.batch.run import FailedRun, one_line
+from diagrams.batch.run import FailedRun, one_line, require
 from diagrams.cli import reproduce
 from diagrams.cli.verb import EPILOG, HELP, Verbs, console, discard_output, say
 from np_drake.files.file_access import FULL, guard_inputs
@@ -130,13 +130,19 @@ def run_app(app: typer.Typer, arguments: list[str]) -> int:
 
 
 def _require_words(arguments: list[str]) -> None:
-    """Check that no argument is empty; as a path it would be the current folder."""
+    """Check that no argument is empty, as a path it would be the current folder, and that no option
+    stands for a file that is written.
+    """
     for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
         if not argument or (argument.startswith("--") and argument.find("=") == len(argument) - 1):
             raise ValueError(
                 f"an argument must not be empty; got '{argument}' behind {before}. Name a file, a "
                 f"folder or a value, or leave it out."
             )
+        require(
+            before not in OUTPUTS or not argument.startswith("--"),
+            f"{before}: must be followed by a file or a folder; got the option {argument}.",
+        )
 
 
 def inputs_of(arguments: list[str]) -> list[Path]:

@@ -21,6 +21,7 @@ from diagrams.cli.verb import (
     noted,
     progress,
     reports,
+    require_once,
     say,
     write_metrics,
 )
@@ -48,7 +49,7 @@ from np_drake.identification.identify import (
 )
 from np_drake.identification.identify import identify as identified
 from np_drake.identification.quantities import Identified
-from np_drake.identification.signals import common_drive, signals
+from np_drake.identification.signals import common_drive, left_out, signals
 from np_drake.identification.validation import HeldOut
 from np_drake.identification.validation import held_out as errors_on
 from np_drake.logs.importing.log_map import load_map_file
@@ -117,11 +118,7 @@ def identify(
     """
     with progress("identifying", 1.0) as advance:
         judges = held_out or []
-        named = [path.resolve() for path in (*logs, *judges)]
-        if twice := [path for path in (*logs, *judges) if named.count(path.resolve()) > 1]:
-            raise ValueError(
-                f"{twice[0]}: must be given once, as LOG or as --held-out; got it twice."
-            )
+        require_once([*logs, *judges])
         common_drive([], input)  # refuses what is no input before logs are read
         _check_mass(mass, trust, vehicle)
         frame = {"wheelbase": wheelbase, "propeller": propeller, "order": order}
@@ -145,7 +142,8 @@ def identify(
         advance(1.0)
     flown = [log for flights in opened for log in flights]
     untold = [] if tell_directions(flown, prior) else [UNTOLD]
-    warnings = noted(flown, [*untold, *said, *found.notes])
+    unused = [] if input else left_out(flown, drive)
+    warnings = noted(flown, [*untold, *unused, *said, *found.notes])
     config: dict[str, Any] = {
         "logs": logs,
         "vehicle": prior.name,
@@ -206,7 +204,7 @@ def _prior_of(vehicle: Path | None, measures: dict[str, Any], props: str | None)
     given = {f"--{name}": value is not None for name, value in measures.items()}
     if vehicle is None:
         missing = ", ".join(option for option, there in given.items() if not there)
-        require(not missing, f"give --vehicle FILE, or {missing} as well: the rotors' places.")
+        require(not missing, f"give --vehicle FILE, or {missing} as well: the frame and its mass.")
         frame = Measured(hover_throttle=0.5, props=props or "in", **measures)
         return estimate(frame, f"frame of {frame.wheelbase:g} m")
     beside = ", ".join(option for option, there in given.items() if there and option != "--mass")

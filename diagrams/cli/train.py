@@ -21,6 +21,7 @@ from diagrams.cli.verb import (
     noted,
     progress,
     reports,
+    require_once,
     require_outputs,
     say,
     tell,
@@ -258,6 +259,7 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
     Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad
         vehicle file, or if NeuroBEM arrays are mixed with logs.
     """
+    require_once(paths)
     vehicle = None if vehicle_file is None else load_vehicle(vehicle_file)
     inputs: list[Any] = []
     for path in paths:

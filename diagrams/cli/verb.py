@@ -346,6 +346,16 @@ def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **co
         say(f"metrics: {path}")
 
 
+def require_once(logs: Sequence[Path]) -> None:
+    """Check that no log is given twice.
+
+    Raises: ValueError: where one is.
+    """
+    whole = [path.resolve() for path in logs]
+    if twice := [path for path in logs if whole.count(path.resolve()) > 1]:
+        raise ValueError(f"{twice[0]}: must be given once; got it twice.")
+
+
 def require_outputs(*files: Path, folders: Sequence[Path] = ()) -> None:
     """Check before long work that files and folders can be written, and create nothing.
 

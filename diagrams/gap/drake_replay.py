@@ -125,7 +125,8 @@ class DrakeReplay:
         require(
             last >= first,
             f"DrakeReplay: {log.name} must last at least "
-            f"{LEAD + HORIZONS[-1] + _MARGIN:.2g} s; got {np.ptp(log.t):.3g} s.",
+            f"{LEAD + HORIZONS[-1] + _MARGIN:.2g} s; got {np.ptp(log.t):.3g} s. "
+            "Give a longer flight.",
         )
         starts = np.unique(np.searchsorted(log.t, np.linspace(first, last, self._starts)))
         times = t[starts, None] + np.array(HORIZONS) - 0.5 * np.median(np.diff(t))

@@ -100,6 +100,18 @@ def common_drive(logs: Sequence[FlightLog], asked: str = "") -> str:
     )
 
 
+def left_out(logs: Sequence[FlightLog], drive: str) -> list[str]:
+    """Return a line on logs whose more telling input does not count, as others lack it; or none."""
+    best = {log.name: drives_of(log)[0] for log in logs}
+    better = [f"{kind} of {name}" for name, kind in best.items() if kind != drive]
+    if len(better) in (0, len(best)):
+        return []
+    return [
+        f"{drive} alone counts, as all logs hold it; {', '.join(better[:8])} is left out. "
+        "Identify by the more telling logs alone to use it"
+    ]
+
+
 # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its
 # rows
 BIN = 0.009

@@ -31,6 +31,7 @@ from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import learned_rotor_lag
 from np_drake.training_data.segments import (
+    LONGER,
     Flight,
     Segment,
     WrenchSequence,
@@ -119,7 +120,7 @@ def foresight(model: LiftedModel, segments: Sequence[Segment]) -> float:
     require(
         np.all(naive > 0),
         f"prior: at least {model.window + AHEAD[-1]} samples in one piece are needed "
-        f"to judge it by.",
+        f"to judge it by. {LONGER}",
     )
     return float(np.sqrt(ours / naive).max())
 

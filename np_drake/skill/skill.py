@@ -69,7 +69,7 @@ def skill_table(
     require(
         len(origins) != 0 and horizons[0] >= 0,
         f"skill_table: {flight}: more than {warm_up + horizons[-1]} samples are "
-        f"needed; got {len(chi)}.",
+        f"needed; got {len(chi)}. Give a longer flight without gaps, or nearer horizons.",
     )
     goal = (chi if target is None else target)[origins[:, None] + horizons]
     predictions = naive_predictions(chi, origins, horizons, mean)

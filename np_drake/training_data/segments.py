@@ -65,6 +65,9 @@ class WrenchSequence:
         return self
 
 
+LONGER = "Give a longer flight without gaps, or a shorter step."
+
+
 @dc.dataclass(frozen=True)
 class Segment:
     """One uninterrupted piece of flight, a sample every `step` seconds.
@@ -113,7 +116,7 @@ def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
     require(
         long,
         f"Segment: at least {shortest} samples in one piece are needed; got "
-        f"{max(map(len, checked))}.",
+        f"{max(map(len, checked))}. {LONGER}",
     )
     return long
 
@@ -226,7 +229,8 @@ def sampled_flight(
     count = int(t[-1] / step + 1e-6) + 1
     require(
         count >= 3,
-        f"sampled_flight: {log.name} must last two steps of {step:g} s; got {t[-1]:.3g} s.",
+        f"sampled_flight: {log.name} must last two steps of {step:g} s; got {t[-1]:.3g} s. "
+        f"{LONGER}",
     )
     bins = np.ceil(t / step - 1e-6).astype(
         int
@@ -333,14 +337,14 @@ def require_torque(log: FlightLog) -> FlightLog:
     """
     if lacking := [quantity for quantity in ("attitude", "velocity") if quantity in log.lacks]:
         raise ValueError(
-            f"{log.name}: must tell attitude and velocity to train on; its {' and '.join(lacking)} "
+            f"{log.name}: must tell attitude and velocity for its wrench; {' and '.join(lacking)} "
             f"{'are' if len(lacking) > 1 else 'is'} integrated. Log them as well."
         )
     require(
         not len(log) or np.isfinite(log.u[:, 1:]).any(),
         f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, "
         f"or throttle1 … throttle4 "
-        f"with a vehicle file) to train on; its input is {log.input}.",
+        f"with a vehicle file) for its wrench; its input is {log.input}.",
     )
     return log
 

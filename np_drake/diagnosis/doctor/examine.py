@@ -53,6 +53,7 @@ from np_drake.effects.library import LIBRARY, effect_of, effects_for
 from np_drake.files.file_access import plain
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
+from np_drake.logs.columns import LOOKS
 from np_drake.logs.importing.parts import FITS
 from np_drake.logs.inputs import with_hover_thrust
 from np_drake.vehicle import Vehicle
@@ -407,10 +408,7 @@ INSTEAD = {  # words of a reason of `unobservable`: what to log instead
     "measured rotor speed": "log the commanded thrust and torque as well",
     "up to a scale": "log rotor speed, with a thrust coefficient from a stand",
     "no torque": "log the torque command, rotor speed, or every motor's throttle",
-    "no accelerations": "log the accelerometer",
-    "no position": "log the position",
-    "no velocity": "log velocity or position",
-    "no attitude": "log the attitude",
+    **{f"no {what}": f"log the {what}" for what, _ in LOOKS.values()},
 }
 
 

@@ -15,6 +15,7 @@ from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.flight_log import FlightLog
 from np_drake.logs import inputs, rotors
 from np_drake.logs.clock import FINEST, Lag, lag_of, state_lags
+from np_drake.logs.columns import LOOKS, UNLOGGED
 from np_drake.logs.formats.format import CLIPS, SAYS
 from np_drake.logs.importing.laws import (
     OPPOSED,
@@ -176,8 +177,7 @@ def lags_of_state(log: FlightLog) -> dict[str, Lag]:
 def _evenly(log: FlightLog, finest: float = LEAST_STEP) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return evenly spaced times and the quantities at them, of the first `MOST_ROWS` rows."""
     log = log.rows(0, MOST_ROWS)
-    known = {"position": ("height", log.p), "velocity": ("velocity", log.v)}
-    x = {name: values for name, (lack, values) in known.items() if lack not in log.lacks}
+    x = {LOOKS[f][0]: getattr(log, f) for f in "pv" if UNLOGGED[f] not in log.lacks}
     x["rates"] = log.w
     if log.a is not None:
         g = np.array([0.0, 0.0, GRAVITY])
@@ -292,10 +292,10 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
 
 def _signals(log: FlightLog, usual: MeasurementNoise):
     known = dc.asdict(usual)
-    integrated = {"p": "height", "v": "velocity"}
     for field, name, unit, sensor in SIGNALS:
         values = getattr(log, field)
-        if integrated.get(field) in log.lacks or values is None or not np.isfinite(values).all():
+        integrated = field in "pv" and UNLOGGED[field] in log.lacks
+        if integrated or values is None or not np.isfinite(values).all():
             continue
         white = float(white_noise([values]).max())
         yield SignalFacts(name, unit, white, known.get(sensor, 0.0))

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
-from np_drake.logs.columns import GAP
+from np_drake.logs.columns import GAP, LOOKS, UNLOGGED
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import GRAVITY, LogMap, Source, convert_quantity
 from np_drake.logs.importing.signals import FASTER, OPTIONAL, SLOWEST_ROTORS, STATE, Signal, Signals
@@ -204,7 +204,7 @@ def _command(own: Signal, timing: str, t: np.ndarray) -> np.ndarray:
     return own.held(t)
 
 
-LACKS = {"position": "height", "velocity": "velocity"}  # quantity: what `FlightLog.lacks` says
+LACKS = {LOOKS[field][0]: UNLOGGED[field] for field in "pv"}  # by quantity
 # Below which the mean specific force is vertical: no flight accelerates one way for ten seconds
 # [Hz]; own choice.
 LEVEL = 0.05

@@ -64,15 +64,14 @@ def lacking(contents: Contents) -> str:
     names = {column for columns in contents.values() for column in columns}
     here = [field for field in ("t", "p", "q", "v", "w", "a") if names.issuperset(COLUMNS[field])]
     missing = " ".join(name for name in COLUMNS["q"] if name not in names)
+    p, v, a = (f"{LOOKS[field][0]} ({' '.join(COLUMNS[field])})" for field in "pva")
     told = {
-        "time (t)": "t" in here,
-        f"attitude ({missing}, or Euler angles by a map), or gyro and accelerometer "
-        f"({' '.join((*COLUMNS['w'], *FORCE))})": "q" in here,
-        "position, velocity or acceleration (px py pz, vx vy vz, ax ay az)": bool(
-            {"p", "v", "a"} & {*here}
-        ),
+        f"{LOOKS['t'][0]} (t)": "t",
+        f"{LOOKS['q'][0]} ({missing}, or Euler angles by a map), or gyro and accelerometer "
+        f"({' '.join((*COLUMNS['w'], *FORCE))})": "q",
+        f"{p}, {v} or {a}": "pva",
     }
-    return "; ".join(what for what, is_told in told.items() if not is_told) if here else ""
+    return "; ".join(what for what, any_of in told.items() if not {*any_of} & {*here} and here)
 
 
 def looks(contents: Contents, fields: str) -> str:

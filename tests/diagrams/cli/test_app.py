@@ -46,6 +46,7 @@ def shell(command, **variables):
         ("train a.csv", "Missing option '--out'"),
         ("train a.csv --out m.safetensors --seed x", "--seed"),
         ("challenge score", "np-drake challenge score: Missing"),
+        ("bench --markdown --help", "--markdown: must be followed by a file or a folder; got"),
         ("train a.csv --out=", "an argument must not be empty; got '--out=' behind a.csv"),
     ],
 )

@@ -54,7 +54,8 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
 
 BAD = {  # arguments: what the line must say
     "no model": (["LOG", "--predictor", "LOG"], "not a model file"),
-    "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "samples are needed"),
+    "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "or nearer horizons"),
+    "twice": (["LOG", "LOG"], "must be given once; got it twice"),
     "two kinds": (["LOG", "ARRAY"], "give one kind"),
 }
 

@@ -98,7 +98,7 @@ def test_the_json_holds_every_quantity_and_the_held_out_errors(result):
             ["throttle.csv", *GUESS, "--trust", "thrust"],
             "without a measured coefficient; give --mass",
         ),
-        (["a.csv", *GUESS, "--held-out", "a.csv"], "as LOG or as --held-out"),
+        (["a.csv", *GUESS, "--held-out", "a.csv"], "must be given once"),
         (
             ["a.csv", *GUESS, "--held-out", "short.csv"],
             "--held-out: must last 3 s at least; got 2 s",

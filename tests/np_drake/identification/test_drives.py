@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.flight_log import FlightLog
-from np_drake.identification.signals import common_drive
+from np_drake.identification.signals import common_drive, left_out
 
 
 def log(name: str, **more) -> FlightLog:
@@ -24,10 +24,11 @@ ROTORS, THROTTLES = (
 
 
 def test_flights_are_read_by_what_all_of_them_hold():
-    assert (
-        common_drive([log("a", **ROTORS, **THROTTLES), log("b", **THROTTLES, input="normalised")])
-        == "throttle"
-    )
+    logs = [log("a", **ROTORS, **THROTTLES), log("b", **THROTTLES, input="normalised")]
+    assert common_drive(logs) == "throttle"
+    (said,) = left_out(logs, "throttle")
+    assert said.startswith("throttle alone counts, as all logs hold it; rotor_speed of a is left")
+    assert left_out(logs[:1], "rotor_speed") == left_out(logs[1:], "throttle") == []
 
 
 def test_flights_without_an_input_in_common_are_refused_by_name():

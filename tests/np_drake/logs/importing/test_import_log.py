@@ -143,7 +143,10 @@ OR = ", or gyro and accelerometer (wx wy wz sx sy sz)"
     [
         ([n for n in OURS if n != "qz"], f"attitude (qz, or Euler angles by a map){OR}"),
         (OURS[1:], "time (t)"),
-        (OURS[:1] + OURS[4:8], "position, velocity or acceleration (px py pz, vx vy vz, ax ay az)"),
+        (
+            OURS[:1] + OURS[4:8],
+            "position (px py pz), velocity (vx vy vz) or acceleration (ax ay az)",
+        ),
         (OURS, ""),
     ],
 )
