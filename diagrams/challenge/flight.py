@@ -281,8 +281,11 @@ def _fly_rows(
         commands.append(np.concatenate([u, flight.world.speed()]))
         if not k % 10:
             upright, off = 1 - 2 * (x[4] ** 2 + x[5] ** 2), np.linalg.norm(x[:3] - target[:3])
-            if not (off < FARTHEST and x[2] > LOWEST and upright > LEAST_UPRIGHT):
-                raise FailedRun(f"challenge: the vehicle was lost at {rows[k]:.2f} s.")
+            require(
+                off < FARTHEST and x[2] > LOWEST and upright > LEAST_UPRIGHT,
+                f"challenge: the vehicle was lost at {rows[k]:.2f} s.",
+                FailedRun,
+            )
         while len(readings) < len(reads) and reads[len(readings)] < rows[k + 1] - 1e-9:
             flight.advance(reads[len(readings)])
             readings.append(flight.world.reading())

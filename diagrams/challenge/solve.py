@@ -36,10 +36,11 @@ def solve(
     """
     folders = case_folders(cases)
     for out in (answers / folder.name for folder in folders):
-        if out.exists() and not out.is_dir():
-            raise NotADirectoryError(
-                f"{out}: must be a folder for the answer; it is a file. Move it away."
-            )
+        require(
+            not out.exists() or out.is_dir(),
+            f"{out}: must be a folder for the answer; it is a file. Move it away.",
+            NotADirectoryError,
+        )
     left = [f for f in folders if again or kept_json(answers / f.name / ANSWER_FILE) is None]
 
     def keep(case: Case, result: dict) -> dict:

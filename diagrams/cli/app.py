@@ -134,11 +134,11 @@ def _require_words(arguments: list[str]) -> None:
     stands for a file that is written.
     """
     for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
-        if not argument or (argument.startswith("--") and argument.find("=") == len(argument) - 1):
-            raise ValueError(
-                f"an argument must not be empty; got '{argument}' behind {before}. Name a file, a "
-                f"folder or a value, or leave it out."
-            )
+        require(
+            argument and (not argument.startswith("--") or argument.find("=") != len(argument) - 1),
+            f"an argument must not be empty; got '{argument}' behind {before}. Name a file, a "
+            f"folder or a value, or leave it out.",
+        )
         require(
             before not in OUTPUTS or not argument.startswith("--"),
             f"{before}: must be followed by a file or a folder; got the option {argument}.",

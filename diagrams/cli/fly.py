@@ -202,15 +202,16 @@ def scenarios(
         reality is None or vehicle is None,
         "give either --reality, which has a vehicle of its own, or --vehicle.",
     )
-    flown = None if vehicle is None else load_vehicle(vehicle)
     changed = bool(fields) or payload is not None or reality is not None
     whole = not changed and not controllers and not duration and not autopilot
-    first = load_experiment(experiment, flown, reality, checked=whole)
+    first = load_experiment(
+        experiment, None if vehicle is None else load_vehicle(vehicle), reality, checked=whole
+    )
     content = read_yaml(scenario_file(experiment))
     if "solver" not in (content.get("controller") or {}):
         first.controller.solver = DEFAULT_SOLVER
-    named = any(field.startswith("simulator.") for field in fields)
-    named = named or ("simulator" in content and reality is None)
+    own = reality is None and "simulator" in content
+    named = own or any(field.startswith("simulator.") for field in fields)
     if payload is not None:
         first = with_payload(first, payload)
     wanted = [*fields, *([f"duration={duration}"] if duration else [])]

@@ -371,8 +371,9 @@ def require_outputs(*files: Path, folders: Sequence[Path] = ()) -> None:
     for folder in folders:
         above = (folder.absolute(), *folder.absolute().parents)
         there = next(path for path in above if lexists(path))
-        if not there.is_dir():
-            raise NotADirectoryError(
-                f"{there}: must be a folder; it is a file, or a link to nothing."
-            )
+        require(
+            there.is_dir(),
+            f"{there}: must be a folder; it is a file, or a link to nothing.",
+            NotADirectoryError,
+        )
         require_writable(there / "any")

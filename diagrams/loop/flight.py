@@ -374,8 +374,10 @@ def _read(content: Any, vehicle: Vehicle | None, folder: Path) -> FlightConfig:
     """Return what a scenario file in `folder` names, over the defaults of its vehicle."""
     named = filled(FlightConfig(), content)
     own = vehicle or named.vehicle.check()
-    if named.scaled and named.reality.effects:
-        raise ValueError("reality.effects stand in SI and do not scale; leave `scaled` out.")
+    require(
+        not named.scaled or not named.reality.effects,
+        "reality.effects stand in SI and do not scale; leave `scaled` out.",
+    )
     if named.scaled:
         return scaled(dc.replace(named, vehicle=own))
     default = default_flight(own)

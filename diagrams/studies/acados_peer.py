@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.studies.casadi_peer import ProblemInCasadi, lifted
+from np_drake.checks import require
 from np_drake.mpc.condensed import Condensed, Trajectory, initial_trajectory
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.objective import QUADRATIC
@@ -67,8 +68,11 @@ class AcadosSolver:
         Raises: ImportError: if acados is missing.   FileNotFoundError: without a C compiler.
         """
         self._template, self._steps = _acados_template(), steps
-        if not (shutil.which("gcc") and shutil.which("make")):
-            raise FileNotFoundError("AcadosSolver: gcc and make must be on the PATH.")
+        require(
+            shutil.which("gcc") and shutil.which("make"),
+            "AcadosSolver: gcc and make must be on the PATH.",
+            FileNotFoundError,
+        )
         self.condensed = Condensed(vehicle, config)
         self._programs: dict[int, Any] = {}
 
@@ -78,8 +82,9 @@ class AcadosSolver:
         Raises: SolverFailure: if HPIPM fails, or the forecast is not linear in the motion.
         """
         f = problem.forecast
-        if f.reaction is not None:
-            raise SolverFailure("MPC: acados: the peer solves linear forecasts only.")
+        require(
+            f.reaction is None, "MPC: acados: the peer solves linear forecasts only.", SolverFailure
+        )
         h = self.condensed.prepare(problem)
         t, cold = initial_trajectory(self.condensed, h, warm_start)
         program = self._programs.get(len(f.z))

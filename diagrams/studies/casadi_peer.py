@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.mpc.condensed import Condensed, initial_trajectory
 from np_drake.mpc.objective import QUADRATIC, Objective
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
@@ -49,11 +50,12 @@ class CasadiSolver:
             raise ImportError(
                 "CasadiSolver: casadi must be installed: pip install 'np_drake[bench]'."
             ) from error
-        if not self._casadi.has_nlpsol("ipopt"):
-            raise ImportError(
-                "CasadiSolver: casadi must come with IPOPT; that of comma-deps-acados does not: "
-                "pip install --force-reinstall --no-deps casadi."
-            )
+        require(
+            self._casadi.has_nlpsol("ipopt"),
+            "CasadiSolver: casadi must come with IPOPT; that of comma-deps-acados does not: "
+            "pip install --force-reinstall --no-deps casadi.",
+            ImportError,
+        )
         self.condensed = Condensed(vehicle, config)
         self._parts = ProblemInCasadi(vehicle, config)
         self._programs: dict[int, tuple[Any, np.ndarray, np.ndarray]] = {}
@@ -65,8 +67,9 @@ class CasadiSolver:
             motion.
         """
         f = problem.forecast
-        if f.reaction is not None:
-            raise SolverFailure("MPC: casadi: the peer solves linear forecasts only.")
+        require(
+            f.reaction is None, "MPC: casadi: the peer solves linear forecasts only.", SolverFailure
+        )
         K, n = len(f.z), self.condensed.config.horizon
         solver, lower, upper = self._programs.get(K) or self._build(K)
         self._programs[K] = solver, lower, upper
@@ -86,8 +89,11 @@ class CasadiSolver:
         start = time.perf_counter()  # the time of this project's own preparation is not counted
         answer = solver(x0=x_init, p=p, **bounds)
         spent = time.perf_counter() - start
-        if not solver.stats()["success"]:
-            raise SolverFailure(f"MPC: casadi: {solver.stats()['return_status']}.")
+        require(
+            solver.stats()["success"],
+            f"MPC: casadi: {solver.stats()['return_status']}.",
+            SolverFailure,
+        )
         T = self.condensed.clip(np.array(answer["x"][: 4 * n]).reshape(n, 4))
         with np.errstate(all="ignore"):
             end = self.condensed.rollout(h, T)

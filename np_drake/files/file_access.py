@@ -22,6 +22,8 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
+from np_drake.checks import require
+
 logger = logging.getLogger(__name__)
 
 # Limits, own choice: beyond them a file is damaged, or made to fill the memory of its reader.
@@ -41,8 +43,9 @@ def read_bytes(path: str | Path, most: int, *, kept: bool = False) -> bytes:
     require_plain_file(path)
     with Path(path).open("rb") as file:
         content = file.read(most + 1)
-    if len(content) > most:
-        raise ValueError(f"{path}: must hold at most {most / 1e6:g} MB. Is it the right file?")
+    require(
+        len(content) <= most, f"{path}: must hold at most {most / 1e6:g} MB. Is it the right file?"
+    )
     if not kept:
         note_input(path)
     return content
@@ -131,8 +134,10 @@ def decompressed(path: str | Path) -> bytes:
             content = gzip.GzipFile(fileobj=file).read(most + 1)
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             raise ValueError(f"{path}: must be a whole gzip file; copy it again.") from error
-    if len(content) > most:
-        raise ValueError(f"{path}: must hold at most {most / 1e6:.0f} MB. Is it the right file?")
+    require(
+        len(content) <= most,
+        f"{path}: must hold at most {most / 1e6:.0f} MB. Is it the right file?",
+    )
     return content
 
 
@@ -232,21 +237,25 @@ def require_writable(path: str | Path) -> Path:
     """
     path = Path(path)
     target = Path(os.path.realpath(path))  # of the file itself, where the path is a link
-    if path.is_dir():
-        raise IsADirectoryError(f"{path}: must be a file to write; it is a folder.")
-    if not target.parent.is_dir():
-        raise FileNotFoundError(
-            f"{path}: the folder {target.parent} must exist; create it or choose another."
-        )
-    if not is_regular(path):
-        raise PermissionError(
-            f"{path}: must be an ordinary file to write; it is a device. Choose another."
-        )
+    require(
+        not path.is_dir(), f"{path}: must be a file to write; it is a folder.", IsADirectoryError
+    )
+    require(
+        target.parent.is_dir(),
+        f"{path}: the folder {target.parent} must exist; create it or choose another.",
+        FileNotFoundError,
+    )
+    require(
+        is_regular(path),
+        f"{path}: must be an ordinary file to write; it is a device. Choose another.",
+        PermissionError,
+    )
     require_no_input(path)
-    if not os.access(target.parent, os.W_OK):
-        raise PermissionError(
-            f"{path}: the folder {target.parent} must be writable; choose another."
-        )
+    require(
+        os.access(target.parent, os.W_OK),
+        f"{path}: the folder {target.parent} must be writable; choose another.",
+        PermissionError,
+    )
     return path
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from np_drake.checks import require
 from np_drake.files.file_access import read_bytes
 
 MAX_BYTES = 10**6  # own choice; the largest file that the package writes has 20 kB
@@ -95,17 +96,16 @@ def check_numbers(
     Raises: ValueError: one line with name, bounds, unit and value.
     """
     least, most = bounds
-    kind = numbers.Integral if whole else numbers.Real
+    kind: Any = numbers.Integral if whole else numbers.Real
     found = np.array(value, dtype=object)
     counts = [one for one in found.flat if isinstance(one, kind) and not isinstance(one, bool)]
     fits = found.shape == shape and len(counts) == found.size
     if fits and all(least <= one <= most and abs(one) <= LARGEST for one in counts):
         return
     between = f"positive, {most:g} at most" if least == POSITIVE else f"{least:g} to {most:g}"
-    words = WORDS.get(bounds, between)
+    words = ("whole and " if whole else "") + WORDS.get(bounds, between)
     count = f"{' x '.join(map(str, shape))} numbers, each " if shape else ""
     remedy = f" Is it in {unit}?" if most < math.inf and unit != "1" else ""
-    words = f"whole and {words}" if whole else words
     raise ValueError(f"{name} must be {count}{words} [{unit}]; got {shown(value)}.{remedy}")
 
 
@@ -182,8 +182,7 @@ def filled(default: Any, content: Any, name: str = "") -> Any:
     """
     kinds = fields_of(type(default))
     values = {field: getattr(default, field) for field in kinds}
-    if content is None and not name:
-        raise ValueError("it is empty; at least one field must be named.")
+    require(content is not None or name, "it is empty; at least one field must be named.")
     if not isinstance(content, dict):
         known = f"fields with their values ({', '.join(kinds)})"
         raise ValueError(f"{name or 'it'} must be {known}; got {shown(content)}.")
@@ -239,8 +238,10 @@ def _read(kind: Any, value: Any, default: Any, name: str) -> Any:
         words = PLAIN.get(kind, "a list")
         like = f", as {default}" if default and isinstance(default, list) else ""
         raise ValueError(f"{name} must be {words}{like}; got {shown(value)}.") from None
-    if not isinstance(value, dict) or not all(isinstance(field, str) for field in value):
-        raise ValueError(f"{name} must be names with their values; got {shown(value)}.")
+    require(
+        isinstance(value, dict) and all(isinstance(field, str) for field in value),
+        f"{name} must be names with their values; got {shown(value)}.",
+    )
     least = math.inf if options[1] is float else None
     return {field: _read(options[1], one, least, f"{name}.{field}") for field, one in value.items()}
 

@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
@@ -65,11 +66,11 @@ def drives_of(log: FlightLog) -> tuple[str, ...]:
     command = log.input == "command" and bool(np.isfinite(log.u).all())
     collective = log.throttle is not None and of_four_rotors(_of_each(log.throttle))
     held = (of_four_rotors(log.rotor), of_four_rotors(log.throttle), command, collective)
-    if not any(held):
-        raise ValueError(
-            f"{log.name}: identification needs what turns the rotors: rotor speed, throttle of "
-            f"four motors or of all together, or thrust and torque; the log has none of them."
-        )
+    require(
+        any(held),
+        f"{log.name}: identification needs what turns the rotors: rotor speed, throttle of "
+        f"four motors or of all together, or thrust and torque; the log has none of them.",
+    )
     return tuple(kind for kind, there in zip(DRIVES, held, strict=True) if there)
 
 
@@ -83,14 +84,16 @@ def common_drive(logs: Sequence[FlightLog], asked: str = "") -> str:
 
     Raises: ValueError: one line, where a log lacks it, or they hold none in common.
     """
-    if asked and asked not in DRIVES:
-        raise ValueError(
-            f"identify: the input must be {', '.join(DRIVES[:-1])} or {DRIVES[-1]}; got {asked!r}."
-        )
+    require(
+        not asked or asked in DRIVES,
+        f"identify: the input must be {', '.join(DRIVES[:-1])} or {DRIVES[-1]}; got {asked!r}.",
+    )
     held = {log.name: drives_of(log) for log in logs}
     for name, kinds in held.items():
-        if asked and asked not in kinds:
-            raise ValueError(f"{name}: holds {' and '.join(kinds)} of its rotors, not {asked}.")
+        require(
+            not asked or asked in kinds,
+            f"{name}: holds {' and '.join(kinds)} of its rotors, not {asked}.",
+        )
     for kind in (asked,) if asked else DRIVES:
         if all(kind in kinds for kinds in held.values()):
             return kind
@@ -196,10 +199,10 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     """
     drive = drive or drives_of(log)[0]
     for field in ("t", "q", "v", "w", "a"):
-        if not np.isfinite(0.0 if getattr(log, field) is None else getattr(log, field)).all():
-            raise ValueError(
-                f"{log.name}: {field} must be numbers in every row; fill or cut those that are not."
-            )
+        require(
+            np.isfinite(0.0 if getattr(log, field) is None else getattr(log, field)).all(),
+            f"{log.name}: {field} must be numbers in every row; fill or cut those that are not.",
+        )
     rows = len(log)
     each = max(1, int(np.ceil(BIN / log.step - 0.1)))
     edges = np.arange(0, rows, each)
@@ -220,11 +223,11 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         "command": np.maximum(log.u @ unmixer.T, 0.0),
         "collective": log.throttle if log.throttle is None else _of_each(log.throttle),
     }[drive]
-    if not of_four_rotors(source):
-        raise ValueError(
-            f"{log.name}: identification needs the {drive.replace('_', ' ')} of four "
-            f"rotors in every row."
-        )
+    require(
+        of_four_rotors(source),
+        f"{log.name}: identification needs the {drive.replace('_', ' ')} of four "
+        f"rotors in every row.",
+    )
     source = np.asarray(source, float)
     logged = log.throttle if drive == "throttle" else source
     # Which rows (n,) of readings (n, c) stand out of their neighbours, which a step does not.

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 
+from np_drake.checks import require
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.text_table import read_csv, write_csv
@@ -252,11 +253,12 @@ def _read_track(
 
 def _require_rest(path: str, ramp: float, *, rests: bool) -> None:
     """Check that a motion which does not start at rest has a ramp."""
-    if not ramp > 0 and not rests:
-        raise LogError(
-            f"{path}: does not start at rest and needs a ramp; got ramp {ramp:g} s. Name a "
-            f"positive one."
-        )
+    require(
+        ramp > 0 or rests,
+        f"{path}: does not start at rest and needs a ramp; got ramp {ramp:g} s. Name a "
+        f"positive one.",
+        LogError,
+    )
 
 
 def _check_columns(table: Table) -> None:
@@ -378,12 +380,12 @@ def write_trajectory(
         given.
     """
     duration = getattr(reference, "end", np.inf) if duration is None else duration
-    if not (0 < rate < np.inf and 0 < duration < np.inf):
-        raise ValueError(
-            f"write_trajectory: rate [Hz] and duration [s] must be positive and finite; "
-            f"got {rate}, {duration}. "
-            "Name the duration of a motion without an end."
-        )
+    require(
+        0 < rate < np.inf and 0 < duration < np.inf,
+        f"write_trajectory: rate [Hz] and duration [s] must be positive and finite; "
+        f"got {rate}, {duration}. "
+        "Name the duration of a motion without an end.",
+    )
     t = np.arange(max(LEAST_ROWS, round(duration * rate) + 1)) / rate
     values = np.concatenate(reference.sample(t)[:3], axis=1).T
     names = (*POSITION, *VELOCITY, *ACCELERATION)

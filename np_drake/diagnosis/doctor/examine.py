@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.diagnosis.calibration import nuisance_of, with_fixed_effects
 from np_drake.diagnosis.doctor.flight_facts import (
     FlightFacts,
@@ -522,14 +523,12 @@ def nothing_moves(moving: Mapping[str, float], logs: Sequence[FlightLog]) -> tup
 
 
 def _require(logs: Sequence[FlightLog]) -> None:
-    if not logs:
-        raise ValueError("doctor: logs must hold at least one flight; got none.")
+    require(logs, "doctor: logs must hold at least one flight; got none.")
     require_alike("doctor", logs)
-    if len({log.a is None for log in logs}) > 1:
-        raise ValueError(
-            "doctor: either all flights have accelerations or none. Examine them one kind "
-            "at a time."
-        )
+    require(
+        len({log.a is None for log in logs}) <= 1,
+        "doctor: either all flights have accelerations or none. Examine them one kind at a time.",
+    )
 
 
 def answers(

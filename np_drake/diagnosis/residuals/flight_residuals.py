@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from np_drake import attitude
+from np_drake.checks import require
 from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, bridge, make_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
@@ -340,12 +341,12 @@ def make_flight_residuals(
             alone.
     Raises: ValueError: if the flight is too short for a grid.
     """
-    if log.t[-1] - log.t[0] < LEAST_DURATION:
-        raise ValueError(
-            f"diagnose: {log.name} must last at least {LEAST_DURATION:g} s; got "
-            f"{log.t[-1] - log.t[0]:.3g} s. "
-            "Give a longer flight."
-        )
+    require(
+        log.t[-1] - log.t[0] >= LEAST_DURATION,
+        f"diagnose: {log.name} must last at least {LEAST_DURATION:g} s; got "
+        f"{log.t[-1] - log.t[0]:.3g} s. "
+        "Give a longer flight.",
+    )
     knows_torque = bool(np.isfinite(log.u[:, 1:]).any() or not np.isfinite(log.u[:, 0]).any())
     log = log if knows_torque else dc.replace(log, u=np.nan_to_num(log.u))
     smooth, noise = smooth_attitude(log.t, log.q, log.w)
@@ -535,8 +536,7 @@ def require_flights(
     Raises: ValueError: if the flights cannot be diagnosed together; one line with the remedy.
     """
     for name, logs in (("train", train), ("held_out", held_out)):
-        if not logs:
-            raise ValueError(f"diagnose: {name} must hold at least one flight; got none.")
+        require(logs, f"diagnose: {name} must hold at least one flight; got none.")
     require_alike("diagnose", [*train, *held_out, *before])
     for known, others in ((train, held_out), (before, [*train, *held_out])):
         seen = {log.name: _motion(log) for log in known}

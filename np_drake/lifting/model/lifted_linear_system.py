@@ -52,11 +52,11 @@ def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
     """
     if not A.size:
         return A
-    if not np.isfinite(A).all():
-        raise np.linalg.LinAlgError("stabilized: every entry of A must be finite.")
+    require(
+        np.isfinite(A).all(), "stabilized: every entry of A must be finite.", np.linalg.LinAlgError
+    )
     re, im, _, V, info = lapack.dgeev(A, compute_vl=0, compute_vr=1)
-    if info:
-        raise np.linalg.LinAlgError("stabilized: the eigenvalues of A must converge.")
+    require(not info, "stabilized: the eigenvalues of A must converge.", np.linalg.LinAlgError)
     size = np.hypot(re, im)
     largest, limit = float(size.max()), radius * _MARGIN
     if largest <= limit:
@@ -112,8 +112,7 @@ class LiftedLinearSystem:
             raise ValueError(
                 f"LiftedLinearSystem: A, B, C must be (K, K), (K, 6), (6, K); got {shapes}."
             )
-        if not self.step > 0:
-            raise ValueError(f"LiftedLinearSystem: step must be positive [s]; got {self.step}.")
+        require(self.step > 0, f"LiftedLinearSystem: step must be positive [s]; got {self.step}.")
 
     @property
     def K(self) -> int:
@@ -132,10 +131,10 @@ class LiftedLinearSystem:
         Raises: ValueError: if stride is not a positive whole number, which would need a matrix
             logarithm.
         """
-        if stride < 1 or int(stride) != stride:
-            raise ValueError(
-                f"LiftedLinearSystem: stride must be a positive whole number; got {stride}."
-            )
+        require(
+            stride >= 1 and int(stride) == stride,
+            f"LiftedLinearSystem: stride must be a positive whole number; got {stride}.",
+        )
         if stride == 1:
             return self
         # [[A, B], [0, 1]]^m = [[A^m, sum_(i<m) A^i B], [0, 1]], as zeta is held

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from np_drake.checks import require
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox import BLACKBOX
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
@@ -48,18 +49,22 @@ def format_of(path: str | Path, name: str = "") -> Format:
     start = first_bytes(path)
     zeros = bytes(max(len(start), 1))
     for beginning, what in (KNOWN | {zeros: ZEROS}).items():
-        if start.startswith(beginning):
-            raise LogError(f"{path}: must hold a flight log; it is {what}.")
+        require(
+            not start.startswith(beginning),
+            f"{path}: must hold a flight log; it is {what}.",
+            LogError,
+        )
     if name:
         if name not in (names := {known.name: known for known in FORMATS}):
             raise LogError(
                 f"{path}: the map's format must be one of {', '.join(names)}; got {name!r}."
             )
         return names[name]
-    if not start and not path.is_dir():
-        raise LogError(
-            f"{path}: must hold a flight log; it is empty. Copy it again from the vehicle."
-        )
+    require(
+        start or path.is_dir(),
+        f"{path}: must hold a flight log; it is empty. Copy it again from the vehicle.",
+        LogError,
+    )
     for known in FORMATS:
         if known.recognises(path, start):
             return known

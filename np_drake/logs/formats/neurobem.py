@@ -218,10 +218,11 @@ def table_files(folder: Path) -> dict[str, Path]:
     files = {
         TESTS.get(stem, stem.removeprefix("merged_")): path for stem, path in found.items() if path
     }
-    if not files:
-        raise FileNotFoundError(
-            f"{folder}: must hold flights of the NeuroBEM data set in npy/ or csv/."
-        )
+    require(
+        files,
+        f"{folder}: must hold flights of the NeuroBEM data set in npy/ or csv/.",
+        FileNotFoundError,
+    )
     return files
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.files.file_access import atomic_path, cell_budget, note_input, text_budget
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError, optional_package
@@ -23,17 +24,20 @@ def read_parquet(path: str | Path) -> Table:
     budget.
     """
     _pyarrow(path)
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"{path}: no such file.")
+    require(Path(path).is_file(), f"{path}: no such file.", FileNotFoundError)
     with _open(path) as (pyarrow, file):
         for field in file.schema_arrow:
-            if not _is(pyarrow, field.type, *NUMBERS):
-                raise LogError(f"{path}, column {field.name}: must hold numbers; got {field.type}.")
-        names = file.schema_arrow.names
-        if len({name.strip() for name in names}) < len(names):
-            raise LogError(
-                f"{path}: its columns must have different names; got {', '.join(names[:8])}, …."
+            require(
+                _is(pyarrow, field.type, *NUMBERS),
+                f"{path}, column {field.name}: must hold numbers; got {field.type}.",
+                LogError,
             )
+        names = file.schema_arrow.names
+        require(
+            len({name.strip() for name in names}) >= len(names),
+            f"{path}: its columns must have different names; got {', '.join(names[:8])}, ….",
+            LogError,
+        )
         found = _columns(pyarrow, file, names)
     return Table(str(path), {name.strip(): v for name, v in found.items()}, header_lines=0)
 

@@ -123,11 +123,12 @@ def _unpacked(kind: str, data: bytes, size: int = 0) -> bytes:
     }
     decompressor = makers[kind]()
     content: bytes = decompressor.decompress(data, MOST_UNPACKED + 1)
-    if len(content) > MOST_UNPACKED:
-        raise MemoryError(
-            f"must hold chunks and messages that unpack to at most {MOST_UNPACKED / 1e6:g} MB. If "
-            f"it is right, write it without compression."
-        )
+    require(
+        len(content) <= MOST_UNPACKED,
+        f"must hold chunks and messages that unpack to at most {MOST_UNPACKED / 1e6:g} MB. If "
+        f"it is right, write it without compression.",
+        MemoryError,
+    )
     require(decompressor.eof, "a chunk is cut off")
     return content
 

@@ -314,8 +314,7 @@ class _Bounded(io.BufferedReader):
         data = super().read(size)
         self.cut = len(data) < (size or 0) and (size != 3 or bool(data))
         self._left -= len(data) + 32
-        if self._left < 0:
-            raise RuntimeError("its messages lead in circles")
+        require(self._left >= 0, "its messages lead in circles", RuntimeError)
         self._calls += 1
         if not self._calls & 0x3FFF:
             self._progress(min(self.tell() / self._size, 1.0))
@@ -338,11 +337,13 @@ def _parse(path: Path, names: Sequence[str] | None, progress: Progress) -> tuple
         def __init__(self, data: bytes, header: Any, formats: Any) -> None:
             nonlocal left
             left -= counts.get(data[3:].decode("utf-8", "ignore"), 0)
-            if left < 0:
-                raise ValueError("more fields than a log has")
+            require(left >= 0, "more fields than a log has")
             super().__init__(data, header, formats)
-            if self.timestamp_idx < 0 or self.field_data[self.timestamp_idx].type_str != "uint64_t":
-                raise ValueError("a message without a time")
+            require(
+                self.timestamp_idx >= 0
+                and self.field_data[self.timestamp_idx].type_str == "uint64_t",
+                "a message without a time",
+            )
 
     class Log(pyulog.ULog):  # type: ignore[misc,name-defined]
         _MessageAddLogged = Added
@@ -351,8 +352,10 @@ def _parse(path: Path, names: Sequence[str] | None, progress: Progress) -> tuple
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints its warnings
                 head = pyulog.ULog(start, parse_header_only=True)
-                if any(b <= a for a, b in itertools.pairwise(head._appended_offsets)):
-                    raise ValueError("its appended data lead back")  # and would be read twice
+                require(
+                    all(a < b for a, b in itertools.pairwise(head._appended_offsets)),
+                    "its appended data lead back",  # and would be read twice
+                )
                 counts = _field_counts(head.message_formats)
                 log = Log(file, names)
         except Exception as error:  # pyulog says what is wrong with a file in many ways
@@ -376,8 +379,10 @@ def _field_counts(formats: Mapping[str, Any]) -> dict[str, int]:
         if name not in counts and name in formats:
             fields = formats[name].fields
             counts[name] = sum(max(size, 1) * count(kind) for kind, size, _ in fields)
-            if counts[name] > LARGEST_MESSAGE:
-                raise ValueError(f"the message {name[:40]!r} is larger than a message can be")
+            require(
+                counts[name] <= LARGEST_MESSAGE,
+                f"the message {name[:40]!r} is larger than a message can be",
+            )
         return counts.get(name, 1)
 
     return {name: count(name) for name in formats}

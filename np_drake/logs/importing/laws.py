@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.importing.log_map import GRAVITY
@@ -277,12 +278,13 @@ def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) ->
             _compare(path, "vx", "ax", over.change(log.v), over.integral(log.a), "velocity")
             gained = (log.v[-1, 2] - log.v[0, 2]) / (log.t[-1] - log.t[0])
             surplus = float(np.mean(log.a[:, 2]) - gained)
-            if abs(abs(surplus) - GRAVITY) < 2.0:
-                raise LogError(
-                    f"{place(path, column='az')}: acceleration must be dv/dt in W, without "
-                    f"gravity; its mean exceeds dv/dt by {surplus:.3g} m/s². "
-                    "Rotate the accelerometer's reading to W and subtract g."
-                )
+            require(
+                abs(abs(surplus) - GRAVITY) >= 2.0,
+                f"{place(path, column='az')}: acceleration must be dv/dt in W, without "
+                f"gravity; its mean exceeds dv/dt by {surplus:.3g} m/s². "
+                "Rotate the accelerometer's reading to W and subtract g.",
+                LogError,
+            )
         if log.al is not None:
             _compare(path, "wx", "alx", over.change(log.w), over.integral(log.al), "rates")
     if log.rotor is not None and np.abs(log.rotor).max() > FASTEST_ROTOR:
@@ -346,12 +348,13 @@ def _check_convention(q: np.ndarray, turned: np.ndarray, over: Windows, path: ob
         ("in the order x, y, z, w", np.roll(q, 1, axis=1)),
         ("from W to body", q * [1.0, -1.0, -1.0, -1.0]),
     ):
-        if RATIO * _spread(over.turn(other) - turned) < own:
-            raise LogError(
-                f"{place(path, column='qw')}: the quaternion must be w, x, y, z from body "
-                f"to W; turned by body rates "
-                f"it fits {convention}. Write it in this convention."
-            )
+        require(
+            RATIO * _spread(over.turn(other) - turned) >= own,
+            f"{place(path, column='qw')}: the quaternion must be w, x, y, z from body "
+            f"to W; turned by body rates "
+            f"it fits {convention}. Write it in this convention.",
+            LogError,
+        )
 
 
 def _check_lift(log: FlightLog, path: object) -> None:
@@ -362,11 +365,12 @@ def _check_lift(log: FlightLog, path: object) -> None:
     thrust, up = log.u[known, 0], attitude.body_z(log.q[known])[:, 2]
     if np.sum(thrust * up) >= -DOWN * np.sum(np.abs(thrust)):
         return
-    if np.mean(thrust) < 0:
-        raise LogError(
-            f"{place(path, column='thrust')}: thrust must push along body z, upwards on the whole; "
-            f"its mean is {np.mean(thrust):.3g} N. Turn the sign of thrust."
-        )
+    require(
+        np.mean(thrust) >= 0,
+        f"{place(path, column='thrust')}: thrust must push along body z, upwards on the whole; "
+        f"its mean is {np.mean(thrust):.3g} N. Turn the sign of thrust.",
+        LogError,
+    )
     raise LogError(
         f"{place(path, column='qw')}: thrust must carry the vehicle upwards; body z points "
         f"{np.mean(up):.2g} along z of W on the whole. Write attitude from body (z up) to W (z up)."
@@ -383,14 +387,15 @@ def _check_thrust(log: FlightLog, path: object, vehicle: Vehicle) -> None:
         thrusts["rotor1"] = rotor_wrench(vehicle, log.rotor)[:, 0]
     for column, thrust in thrusts.items():
         high = float(np.nanpercentile(np.abs(thrust), 95)) if np.isfinite(thrust).any() else weight
-        if not weight / RATIO < high < RATIO * weight:
-            raise LogError(
-                f"{place(path, column=column)}: thrust must be comparable with the weight "
-                f"of vehicle "
-                f"{vehicle.name!r}, {weight:.3g} N; got {high:.3g} N. Is it in N (rotor "
-                f"speed in rad/s), "
-                "and the vehicle file the right one?"
-            )
+        require(
+            weight / RATIO < high < RATIO * weight,
+            f"{place(path, column=column)}: thrust must be comparable with the weight "
+            f"of vehicle "
+            f"{vehicle.name!r}, {weight:.3g} N; got {high:.3g} N. Is it in N (rotor "
+            f"speed in rad/s), "
+            "and the vehicle file the right one?",
+            LogError,
+        )
 
 
 def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, over: Windows) -> None:
@@ -421,12 +426,13 @@ def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, over: Windows)
             f"{vehicle.name!r} in kg·m²?"
         )
     for i in np.flatnonzero(turns):
-        if np.std(push[:, i] + turn[:, i]) < OPPOSITE * np.std(turn[:, i]):
-            raise LogError(
-                f"{place(path, column=columns[i])}: torque must be what turns the vehicle; "
-                f"about body {'xyz'[i]} it "
-                f"goes against J dw/dt + w x J w. {remedy}"
-            )
+        require(
+            np.std(push[:, i] + turn[:, i]) >= OPPOSITE * np.std(turn[:, i]),
+            f"{place(path, column=columns[i])}: torque must be what turns the vehicle; "
+            f"about body {'xyz'[i]} it "
+            f"goes against J dw/dt + w x J w. {remedy}",
+            LogError,
+        )
 
 
 def _spread(value: np.ndarray) -> float:
