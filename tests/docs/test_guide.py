@@ -6,11 +6,9 @@ namespace of its own; `yaml` is saved where its first line is `# NAME.yaml`; `co
 
 import json
 import re
-import runpy
 import shlex
 import shutil
 from pathlib import Path
-from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -27,6 +25,8 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.format import Stream
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.estimate import Measured, estimate
+from tests.np_drake.diagnosis.simulated_flights import fly
+from tests.np_drake.logs.formats.made_files import writer
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
 SLOW = ("autopilot.md", "clusters.md", "corrected-simulator.md")  # by night
@@ -112,16 +112,9 @@ def test_the_page_on_memory_cards_runs_on_real_ones(real_flights, tmp_path, monk
 # Memory cards: simulated flights as PX4 and Crazyflie logs, in the conventions of those formats.
 
 
-def script(name: str) -> dict[str, Any]:
-    """Return what a module of tests/np_drake holds."""
-    return runpy.run_path(str(Path(__file__).parents[1] / "np_drake" / name))
-
-
 def flown(seed: int, vehicle: Vehicle, effect: Effect) -> FlightLog:
     """Return a flight under an effect, with noise."""
-    fly = script("diagnosis/simulated_flights.py")["fly"]
-    log: FlightLog = fly(effect, seed=seed, seconds=9.0, noise=1.0, vehicle=vehicle)
-    return log
+    return fly(effect, seed=seed, seconds=9.0, noise=1.0, vehicle=vehicle)
 
 
 def columns(names: str, values: np.ndarray) -> dict[str, np.ndarray]:
@@ -152,8 +145,9 @@ def write_px4(path: Path, seed: int) -> None:
         ),
         "vehicle_thrust_setpoint": columns("xyz[0] xyz[1] xyz[2]", setpoint),
     }
-    write = script("logs/formats/ulog_writer.py")["write"]
-    write(path, {name: Stream(10.0 + log.t, content) for name, content in streams.items()})
+    writer("ulog").write(
+        path, {name: Stream(10.0 + log.t, content) for name, content in streams.items()}
+    )
 
 
 def write_crazyflie(path: Path, seed: int) -> None:
@@ -168,8 +162,7 @@ def write_crazyflie(path: Path, seed: int) -> None:
     content |= columns("gyro.x gyro.y gyro.z", np.degrees(log.w))
     content |= columns("acc.x acc.y acc.z", specific_force(log) / 9.80665)
     content |= columns("rpm.m1 rpm.m2 rpm.m3 rpm.m4", speed * 60 / (2 * np.pi))
-    write = script("logs/formats/crazyflie_writer.py")["write"]
-    write(path, {"fixedFrequency": Stream(3.0 + log.t, content)})
+    writer("crazyflie").write(path, {"fixedFrequency": Stream(3.0 + log.t, content)})
 
 
 def write_betaflight(path: Path, seed: int) -> None:
@@ -188,9 +181,8 @@ def write_betaflight(path: Path, seed: int) -> None:
         "eRPM": 7 * speed * 60 / (2 * np.pi) / 100,
     }
     content = {f"{name}[{i}]": v for name, values in parts.items() for i, v in enumerate(values.T)}
-    writer = script("logs/formats/blackbox_writer.py")
-    fine = {"blackbox_high_resolution": "1"}
-    writer["write"](path, writer["main_log"](content, step=10_000, settings=fine))
+    made, fine = writer("blackbox"), {"blackbox_high_resolution": "1"}
+    made.write(path, made.main_log(content, step=10_000, settings=fine))
 
 
 WRITERS = {"px4_{}.ulg": write_px4, "bf_{}.bbl": write_betaflight, "card0{}": write_crazyflie}

@@ -2,12 +2,9 @@
 
 import dataclasses as dc
 import gzip
-import importlib.util
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -24,6 +21,7 @@ from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.references.track_file import read_track
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.vehicle import Vehicle, load_vehicle
+from tests.np_drake.logs.formats.made_files import noise, writer
 
 TESTS = Path(__file__).parents[1]
 EXAMPLES = TESTS.parent / "docs" / "examples"
@@ -60,24 +58,9 @@ def check(target: Target, path: Path) -> None:
             raise AssertionError(f"{target.name}: refused without a word: {error!r}") from error
 
 
-def writer(name: str) -> ModuleType:
-    """Return the writer of made files of a format,
-    `tests/np_drake/logs/formats/<name>_writer.py`.
-    """
-    path = TESTS / "np_drake" / "logs" / "formats" / f"{name}_writer.py"
-    spec = importlib.util.spec_from_file_location(f"{name}_writer", path)
-    if spec is None or spec.loader is None:
-        raise FileNotFoundError(f"{path}: must be a module.")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 def stream(*columns: str, rows: int = ROWS) -> Stream:
     """Return a made stream at 50 Hz."""
-    rng = np.random.default_rng(len(columns))
-    return Stream(1.0 + np.arange(rows) / 50.0, {c: rng.standard_normal(rows) for c in columns})
+    return noise(columns, 1.0 + np.arange(rows) / 50.0, seed=len(columns))
 
 
 def _written(

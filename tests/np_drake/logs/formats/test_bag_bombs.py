@@ -9,6 +9,7 @@ import pytest
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.ros import ODOMETRY, ROS
 from tests.np_drake.logs.formats import bag_bombs as bombs
+from tests.np_drake.logs.formats import ros_writer
 
 MOST = 500  # [MB] of a reader without Drake; the command line has 1 GB for both
 SECONDS = 30  # of processor time
@@ -53,7 +54,7 @@ def test_a_bag_that_asks_for_gigabytes_is_refused_in_little_memory(tmp_path, nam
     assert peak < MOST
 
 
-def test_a_bag_within_its_budget_is_read_though_it_packs_well(tmp_path, ros_writer):
+def test_a_bag_within_its_budget_is_read_though_it_packs_well(tmp_path):
     """A vehicle that stands still packs 50 to 1."""
     t = np.arange(6000) * 0.01
     path = tmp_path / "bag"

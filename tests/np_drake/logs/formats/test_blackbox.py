@@ -1,8 +1,8 @@
 """Laws of blackbox logs: what was written is read, and damage is passed over."""
 
 import contextlib
+from functools import partial
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox import BLACKBOX
 from np_drake.logs.formats.format import Recording
+from tests.np_drake.logs.formats import blackbox_writer as writer
+from tests.np_drake.logs.formats.made_files import read
 
 SIZES = {
     0: 1,
@@ -27,23 +29,15 @@ LARGEST = {3: 900, 8: 4000}
 
 
 @pytest.fixture(scope="module")
-def writer(blackbox_writer) -> ModuleType:
-    """Return the module that writes such logs."""
-    return blackbox_writer
-
-
-@pytest.fixture(scope="module")
 def log(tmp_path_factory) -> Path:
     """Return a place for a log."""
     return tmp_path_factory.mktemp("blackbox") / "log.bbl"
 
 
-def everything(path: Path) -> Recording:
-    wanted = {name: list(columns) for name, columns in BLACKBOX.contents(path).items()}
-    return BLACKBOX.read(path, wanted, lambda share: None)
+everything = partial(read, BLACKBOX)
 
 
-def plain(writer, rows=64, seed=1, **options):
+def plain(rows=64, seed=1, **options):
     """Return a log of a few fields."""
     rng = np.random.default_rng(seed)
     return writer.main_log(
@@ -56,7 +50,7 @@ def main_rows(found: Recording) -> np.ndarray:
 
 
 @st.composite
-def logs(draw, writer):
+def logs(draw):
     """Draw a log of every encoding and predictor, and the values of its fields."""
     fields = [writer.ITERATION, writer.TIME, writer.Field("motor[0]", 1, (11, 1), (3, 0))]
     rows = draw(st.integers(1, 12))
@@ -90,8 +84,8 @@ def logs(draw, writer):
 
 @settings(max_examples=150, deadline=None)
 @given(data=st.data())
-def test_every_encoding_and_predictor_keeps_its_values(log, writer, data):
-    made, time = data.draw(logs(writer))
+def test_every_encoding_and_predictor_keeps_its_values(log, data):
+    made, time = data.draw(logs())
     writer.write(log, made)
     dut = everything(log)
     assert dut.notes == ()
@@ -102,7 +96,7 @@ def test_every_encoding_and_predictor_keeps_its_values(log, writer, data):
 @pytest.mark.parametrize(
     ("encoding", "bits"), [(0, 32), (1, 31), (3, 14), (6, 32), (7, 32), (8, 16), (10, 32)]
 )
-def test_numbers_of_every_size_are_told_apart(log, writer, encoding, bits):
+def test_numbers_of_every_size_are_told_apart(log, encoding, bits):
     edges = [
         0,
         *(
@@ -129,7 +123,7 @@ def test_numbers_of_every_size_are_told_apart(log, writer, encoding, bits):
 @pytest.mark.parametrize(
     ("every", "logged"), [("4", [0, 4, 8, 12]), ("1/2", range(0, 16, 2)), ("2/3", None), ("0", [0])]
 )
-def test_loops_that_are_not_logged_are_counted(log, writer, every, logged):
+def test_loops_that_are_not_logged_are_counted(log, every, logged):
     if logged is None:  # two of three, counted within sixteen
         logged = [i for i in range(16) if (i % 16 + 1) % 3 < 2]
     logged = np.concatenate([np.array(logged) + begin for begin in (0, 16, 32)])
@@ -143,8 +137,8 @@ def test_loops_that_are_not_logged_are_counted(log, writer, every, logged):
     assert np.array_equal(everything(log).streams["main"].columns["loopIteration"], logged)
 
 
-def test_events_of_every_kind_are_passed_over(log, writer):
-    made = plain(writer, beside={4 + i: [event] for i, event in enumerate(writer.EVENTS.values())})
+def test_events_of_every_kind_are_passed_over(log):
+    made = plain(beside={4 + i: [event] for i, event in enumerate(writer.EVENTS.values())})
     writer.write(log, made)
     dut = everything(log)
     assert dut.notes == ()
@@ -152,8 +146,8 @@ def test_events_of_every_kind_are_passed_over(log, writer):
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_a_pause_is_a_gap_in_time_where_the_log_tells_it(log, writer, told):
-    made = plain(writer)
+def test_a_pause_is_a_gap_in_time_where_the_log_tells_it(log, told):
+    made = plain()
     made.rows[32:, :2] += [64_000, 600_000_000]  # 10 minutes
     made.beside = {31: [writer.resumed(64_032, 1_064_000 + 600_000_000)]} if told else {}
     writer.write(log, made)
@@ -167,8 +161,8 @@ def test_a_pause_is_a_gap_in_time_where_the_log_tells_it(log, writer, told):
 
 @settings(max_examples=60, deadline=None)
 @given(st.data())
-def test_a_damaged_place_costs_rows_up_to_the_next_whole_frame(log, writer, data):
-    made = plain(writer, rows=200)
+def test_a_damaged_place_costs_rows_up_to_the_next_whole_frame(log, data):
+    made = plain(rows=200)
     frames = made.frames()
     header, place = len(made.header()), data.draw(st.integers(5, 150))
     at = header + sum(map(len, frames[:place]))
@@ -187,8 +181,8 @@ def test_a_damaged_place_costs_rows_up_to_the_next_whole_frame(log, writer, data
         assert np.array_equal(found[i], np.delete(made.rows[i], 1))
 
 
-def test_a_log_cut_anywhere_keeps_its_whole_frames(log, writer):
-    made = plain(writer, rows=40)
+def test_a_log_cut_anywhere_keeps_its_whole_frames(log):
+    made = plain(rows=40)
     content = made.encode()
     for cut in range(0, len(content), 7):
         log.write_bytes(content[:cut])
@@ -200,8 +194,8 @@ def test_a_log_cut_anywhere_keeps_its_whole_frames(log, writer):
             assert "no end" in note
 
 
-def test_logs_of_one_file_follow_each_other(log, writer):
-    first, second = plain(writer), plain(writer, rows=80, seed=2, begin=400_000)
+def test_logs_of_one_file_follow_each_other(log):
+    first, second = plain(), plain(rows=80, seed=2, begin=400_000)
     writer.write(log, first, second)
     dut = everything(log)
     assert np.array_equal(
@@ -212,13 +206,13 @@ def test_logs_of_one_file_follow_each_other(log, writer):
 
 
 @pytest.mark.parametrize(("begin", "count"), [(3_000_000, 1), (1_050_000, 0)])
-def test_a_later_log_begins_with_a_break_unless_its_clock_is_set_back(log, writer, begin, count):
-    writer.write(log, plain(writer), plain(writer, seed=2, begin=begin))
+def test_a_later_log_begins_with_a_break_unless_its_clock_is_set_back(log, begin, count):
+    writer.write(log, plain(), plain(seed=2, begin=begin))
     assert everything(log).breaks == ((begin / 1e6, "another log begins"),) * count
 
 
-def test_a_log_of_other_scales_is_left_out(log, writer):
-    writer.write(log, plain(writer), plain(writer, rows=80, settings={"acc_1G": "4096"}))
+def test_a_log_of_other_scales_is_left_out(log):
+    writer.write(log, plain(), plain(rows=80, settings={"acc_1G": "4096"}))
     dut = everything(log)
     assert len(dut.streams["main"]) == 80
     assert any("logs 1 of 2" in line for line in dut.said)
@@ -237,8 +231,8 @@ def test_a_log_of_other_scales_is_left_out(log, writer):
         (b"P interval:1", b"P interval:x", "must be numbers of loops"),
     ],
 )
-def test_a_damaged_header_is_refused_in_one_line(log, writer, wrong, by, said):
-    content = plain(writer).encode()
+def test_a_damaged_header_is_refused_in_one_line(log, wrong, by, said):
+    content = plain().encode()
     assert wrong in content
     log.write_bytes(content.replace(wrong, by, 1))
     with pytest.raises(LogError, match=said) as refused:

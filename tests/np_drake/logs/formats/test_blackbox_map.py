@@ -3,7 +3,6 @@ hold.
 """
 
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -14,15 +13,10 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox import BLACKBOX
 from np_drake.logs.importing.import_log import Imported, import_log
 from tests.np_drake.diagnosis.simulated_flights import fly
+from tests.np_drake.logs.formats import blackbox_writer as writer
 
 MOTORS = [f"motor[{i}]" for i in range(4)]
 XYZ = range(3)
-
-
-@pytest.fixture(scope="module")
-def writer(blackbox_writer) -> ModuleType:
-    """Return the module that writes such logs."""
-    return blackbox_writer
 
 
 @pytest.fixture(scope="module")
@@ -44,15 +38,15 @@ def imported(real_logs) -> list[Imported]:
     return [import_log(path) for path in real_logs]
 
 
-def contents(log, writer, *names, **options):
+def contents(log, *names, **options):
     writer.write(log, writer.main_log({name: np.arange(40) % 7 for name in names}, **options))
     return BLACKBOX.contents(log)
 
 
 @pytest.mark.parametrize(("resolution", "scale"), [("0", 1.0), ("1", 0.1)])
-def test_a_gyro_in_high_resolution_is_in_tenths(log, writer, resolution, scale):
+def test_a_gyro_in_high_resolution_is_in_tenths(log, resolution, scale):
     names = [f"gyroADC[{i}]" for i in XYZ]
-    found = contents(log, writer, *names, settings={"blackbox_high_resolution": resolution})
+    found = contents(log, *names, settings={"blackbox_high_resolution": resolution})
     dut = BLACKBOX.default_map(found)
     assert dut is not None
     assert dut.rates.scale == pytest.approx(scale)
@@ -72,18 +66,16 @@ def test_a_gyro_in_high_resolution_is_in_tenths(log, writer, resolution, scale):
         ({"gyro_lpf1_static_hz": "0"}, 0.0),
     ],
 )
-def test_a_gyro_and_its_integral_are_late_by_its_filters(log, writer, settings, delay):
+def test_a_gyro_and_its_integral_are_late_by_its_filters(log, settings, delay):
     names = [f"{name}[{i}]" for name in ("gyroADC", "imuQuaternion") for i in XYZ]
-    dut = BLACKBOX.default_map(contents(log, writer, *names, settings=settings))
+    dut = BLACKBOX.default_map(contents(log, *names, settings=settings))
     assert dut is not None
     assert dut.rates.late == pytest.approx(delay)
     assert dut.attitude.late == dut.rates.late
 
 
-def test_an_accelerometer_is_late_by_its_filter(log, writer):
-    found = contents(
-        log, writer, *(f"accSmooth[{i}]" for i in XYZ), settings={"acc_lpf_hz": "2500"}
-    )
+def test_an_accelerometer_is_late_by_its_filter(log):
+    found = contents(log, *(f"accSmooth[{i}]" for i in XYZ), settings={"acc_lpf_hz": "2500"})
     dut = BLACKBOX.default_map(found)
     assert dut is not None
     stage = 25 / np.sqrt(np.sqrt(2) - 1)  # [Hz], of two alike that together have 25 Hz
@@ -94,21 +86,21 @@ def test_an_accelerometer_is_late_by_its_filter(log, writer):
     ("every", "meaning"),
     [("1", "held_after"), ("1/1", "held_after"), ("4", "sampled"), ("1/2", "sampled")],
 )
-def test_a_command_is_sampled_where_not_every_loop_is_logged(log, writer, every, meaning):
-    dut = BLACKBOX.default_map(contents(log, writer, *MOTORS, every=every))
+def test_a_command_is_sampled_where_not_every_loop_is_logged(log, every, meaning):
+    dut = BLACKBOX.default_map(contents(log, *MOTORS, every=every))
     assert dut is not None
     assert dut.command == meaning
 
 
 @pytest.mark.parametrize(("version", "scale"), [("4.0.0", 0.01), ("3.5.7", 0.1), ("3.0.1", None)])
-def test_the_voltage_is_in_the_unit_of_its_version(log, writer, version, scale):
+def test_the_voltage_is_in_the_unit_of_its_version(log, version, scale):
     settings = {"Firmware revision": f"Betaflight {version} (abc) OMNIBUSF4"}
-    dut = BLACKBOX.default_map(contents(log, writer, "vbatLatest", settings=settings))
+    dut = BLACKBOX.default_map(contents(log, "vbatLatest", settings=settings))
     assert dut is not None
     assert (dut.voltage.scale if dut.voltage else None) == scale
 
 
-def test_inav_tells_north_east_up_and_a_yaw_to_the_right(log, writer):
+def test_inav_tells_north_east_up_and_a_yaw_to_the_right(log):
     flown = fly(seed=3, seconds=4.0, noise=0.0, vigour=1.5)
     R_WB = Rotation.from_quat(np.roll(flown.q, -1, axis=1))
     yaw, pitch, roll = np.degrees(R_WB.as_euler("ZYX")).T
@@ -144,7 +136,7 @@ def test_inav_tells_north_east_up_and_a_yaw_to_the_right(log, writer):
     assert dut.voltage[0] == pytest.approx(16.1)
 
 
-def test_betaflight_without_an_accelerometer_says_what_to_log(log, writer):
+def test_betaflight_without_an_accelerometer_says_what_to_log(log):
     rng = np.random.default_rng(1)
     names = [f"gyroADC[{i}]" for i in XYZ] + MOTORS
     values = {name: rng.integers(200, 1900, 300) for name in names}
@@ -153,7 +145,7 @@ def test_betaflight_without_an_accelerometer_says_what_to_log(log, writer):
         import_log(log)
 
 
-def test_a_turned_imu_is_told_from_where_it_is_learnt_on(log, writer):
+def test_a_turned_imu_is_told_from_where_it_is_learnt_on(log):
     rng = np.random.default_rng(3)
     count, forgets, learns = 300, 60, 150
     turn = np.array([0.8, 0.0, 0.6, 0.0])

@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ import pytest
 from np_drake import attitude
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
-from np_drake.logs.formats.format import Recording, Stream
+from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.library import format_of
+from tests.np_drake.logs.formats import crazyflie_writer
+from tests.np_drake.logs.formats.made_files import read
 
 STATE = [f"stateEstimate.{c}" for c in ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz")]
 SENSORS = [f"{group}.{axis}" for group in ("gyro", "acc") for axis in "xyz"]
@@ -39,13 +42,11 @@ def made() -> dict[str, Stream]:
     }
 
 
-def everything(path: Path) -> Recording:
-    wanted = {name: list(columns) for name, columns in CRAZYFLIE.contents(path).items()}
-    return CRAZYFLIE.read(path, wanted, lambda share: None)
+everything = partial(read, CRAZYFLIE)
 
 
 @pytest.mark.parametrize(("version", "resolution"), [(1, 1e-3), (2, 1e-6)])
-def test_what_is_written_is_read(log, crazyflie_writer, made, version, resolution):
+def test_what_is_written_is_read(log, made, version, resolution):
     crazyflie_writer.write(
         log, made, version=version, kinds={"stateEstimate.x": "d", "gyro.z": "f", "locSrv.x": "d"}
     )
@@ -69,7 +70,7 @@ for letter, bits in zip("bhilq", (8, 16, 32, 32, 64), strict=True):
 
 
 @pytest.mark.parametrize("letter", EXTREMES)
-def test_every_struct_type_keeps_its_value(log, crazyflie_writer, letter):
+def test_every_struct_type_keeps_its_value(log, letter):
     values = np.array([0.0, 1.0, *EXTREMES[letter]])
     crazyflie_writer.write(
         log,
@@ -80,7 +81,7 @@ def test_every_struct_type_keeps_its_value(log, crazyflie_writer, letter):
     assert np.array_equal(everything(log).streams["a"].columns["w"], values)
 
 
-def test_a_wrong_checksum_is_noted_and_the_values_are_kept(log, crazyflie_writer, made):
+def test_a_wrong_checksum_is_noted_and_the_values_are_kept(log, made):
     content = bytearray(crazyflie_writer.encode(made))
     content[-1] ^= 0xFF
     log.write_bytes(content)
@@ -89,7 +90,7 @@ def test_a_wrong_checksum_is_noted_and_the_values_are_kept(log, crazyflie_writer
     assert len(dut.streams["fixedFrequency"]) == 400
 
 
-def test_of_a_log_that_was_cut_the_whole_records_are_kept(log, crazyflie_writer, made):
+def test_of_a_log_that_was_cut_the_whole_records_are_kept(log, made):
     content = crazyflie_writer.encode(made)
     begin, record = len(crazyflie_writer.header(made)), struct.calcsize("<HQff")
     log.write_bytes(
@@ -105,7 +106,7 @@ def test_of_a_log_that_was_cut_the_whole_records_are_kept(log, crazyflie_writer,
     assert "cut" in everything(log).notes[0]
 
 
-def test_what_follows_a_record_of_no_known_type_is_left_out(log, crazyflie_writer, made):
+def test_what_follows_a_record_of_no_known_type_is_left_out(log, made):
     content = crazyflie_writer.encode({"fixedFrequency": made["fixedFrequency"]})
     record = struct.calcsize("<HQff")
     begin = len(content) - 4 - 400 * record
@@ -116,7 +117,7 @@ def test_what_follows_a_record_of_no_known_type_is_left_out(log, crazyflie_write
     assert f"byte {place}" in dut.notes[0]
 
 
-def test_names_that_stand_twice_get_a_number(log, crazyflie_writer):
+def test_names_that_stand_twice_get_a_number(log):
     stream = Stream(np.zeros(1), {"a": np.ones(1)})
     content = crazyflie_writer.header({"e": stream}).replace(
         b"\x01\x00a(f)\0", b"\x03\x00a(f)\0a.1(f)\0a(f)\0"

@@ -1,5 +1,6 @@
 """ArduPilot logs: round trips, what pymavlink reads, instances, damage."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -7,15 +8,15 @@ import pytest
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.dataflash import DATAFLASH
-from np_drake.logs.formats.format import Recording, Stream, by_stream, find_column
+from np_drake.logs.formats.format import Stream, find_column
 from np_drake.logs.formats.library import format_of
+from tests.np_drake.logs.formats import dataflash_writer, made_files
 
 T = np.arange(40) * 2500e-6 + 12.5  # [s], whole microseconds
 
 
 def stream(*columns: str, t: np.ndarray = T, seed: int = 0) -> Stream:
-    rng = np.random.default_rng(seed)
-    return Stream(t, {c: rng.standard_normal(len(t)) for c in columns})
+    return made_files.noise(columns, t, seed)
 
 
 def copter() -> dict[str, Stream]:
@@ -33,12 +34,7 @@ def copter() -> dict[str, Stream]:
     }
 
 
-def read(path: Path, names: list[str] | None = None) -> Recording:
-    contents = DATAFLASH.contents(path)
-    wanted = (
-        {s: list(c) for s, c in contents.items()} if names is None else by_stream(contents, names)
-    )
-    return DATAFLASH.read(path, wanted, lambda _: None)
+read = partial(made_files.read, DATAFLASH)
 
 
 def assert_same(left: Stream, right: Stream) -> None:
@@ -51,7 +47,7 @@ def assert_same(left: Stream, right: Stream) -> None:
 
 
 @pytest.fixture
-def log(tmp_path: Path, dataflash_writer) -> Path:
+def log(tmp_path: Path) -> Path:
     path = tmp_path / "00000001.BIN"
     dataflash_writer.write(path, copter(), parameters={"MOT_THST_HOVER": 0.25, "RC1_MIN": 1100})
     return path
@@ -65,7 +61,7 @@ def test_what_is_written_is_read(log: Path):
         assert_same(recording.streams[name], expected)
 
 
-def test_values_are_those_of_pymavlink(tmp_path: Path, dataflash_writer):
+def test_values_are_those_of_pymavlink(tmp_path: Path):
     reader = pytest.importorskip("pymavlink.DFReader")
     path = tmp_path / "scaled.bin"
     columns = {

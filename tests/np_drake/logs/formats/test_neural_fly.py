@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from np_drake.logs.formats.format import Stream, by_stream
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.table import NEURAL_FLY
+from tests.np_drake.logs.formats.neural_fly_writer import write as write_neural_fly
 
 FLIGHTS = [
     f"custom_figure8_{method}_{wind}.csv.gz"
@@ -38,7 +39,7 @@ def flight(request, real_flights):
     return real_flights / "neural_fly" / request.param
 
 
-def test_what_was_written_is_read_bit_for_bit(tmp_path, write_neural_fly):
+def test_what_was_written_is_read_bit_for_bit(tmp_path):
     draw = np.random.default_rng(0)
     names = ("p[0]", "R[7]", "T_sp[0]", "pwm[3]")
     made = Stream(0.02 * np.arange(30), {name: draw.normal(size=30) for name in names})

@@ -1,16 +1,20 @@
 """ROS bags: round trips in all storages, clocks, types, maps, damage."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import Recording, Stream, by_stream, find_column
+from np_drake.logs.formats.format import Recording, Stream, find_column
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.ros import IMU, ODOMETRY, ROS, STAMPED_POSE, WRENCH
 
 pytest.importorskip("rosbags")
+
+from tests.np_drake.logs.formats import made_files, ros_writer
+
 T = np.arange(60) * 0.01
 FILES = (
     ("flight", ""),
@@ -22,8 +26,7 @@ FILES = (
 
 
 def stream(columns: tuple[str, ...], t: np.ndarray = T, seed: int = 0) -> Stream:
-    rng = np.random.default_rng(seed)
-    return Stream(t, {c: rng.standard_normal(len(t)) for c in columns})
+    return made_files.noise(columns, t, seed)
 
 
 def flight() -> dict[str, Stream]:
@@ -35,12 +38,7 @@ def flight() -> dict[str, Stream]:
     }
 
 
-def read(path: Path, names: list[str] | None = None) -> Recording:
-    contents = ROS.contents(path)
-    wanted = (
-        {s: list(c) for s, c in contents.items()} if names is None else by_stream(contents, names)
-    )
-    return ROS.read(path, wanted, lambda _: None)
+read = partial(made_files.read, ROS)
 
 
 def assert_holds(recording: Recording, streams: dict[str, Stream]) -> None:
@@ -54,7 +52,7 @@ def assert_holds(recording: Recording, streams: dict[str, Stream]) -> None:
 
 
 @pytest.mark.parametrize("name, compression", FILES)
-def test_what_is_written_is_read(tmp_path: Path, ros_writer, name: str, compression: str):
+def test_what_is_written_is_read(tmp_path: Path, name: str, compression: str):
     path = tmp_path / name
     ros_writer.write(path, flight(), compression=compression)
     assert format_of(path) is ROS
@@ -67,14 +65,12 @@ def test_what_is_written_is_read(tmp_path: Path, ros_writer, name: str, compress
 @pytest.mark.parametrize(
     ("storage", "compression"), [("sqlite3", ""), ("sqlite3", "message"), ("mcap", "storage")]
 )
-def test_folders_are_read_in_all_storages(
-    tmp_path: Path, ros_writer, storage: str, compression: str
-):
+def test_folders_are_read_in_all_storages(tmp_path: Path, storage: str, compression: str):
     ros_writer.write(tmp_path / "bag", flight(), storage=storage, compression=compression)
     assert_holds(read(tmp_path / "bag"), flight())
 
 
-def test_times_are_stamps_and_those_of_receipt_where_there_are_none(tmp_path: Path, ros_writer):
+def test_times_are_stamps_and_those_of_receipt_where_there_are_none(tmp_path: Path):
     ros_writer.write(tmp_path / "bag", flight(), delay=0.003)
     recording = read(tmp_path / "bag")
     np.testing.assert_allclose(recording.streams["/odom"].t, T, rtol=0, atol=1e-9)
@@ -83,7 +79,7 @@ def test_times_are_stamps_and_those_of_receipt_where_there_are_none(tmp_path: Pa
     assert any("/rpm: times are those of receipt" in note for note in recording.notes)
 
 
-def test_stamps_of_another_clock_give_way_to_receipt(tmp_path: Path, ros_writer):
+def test_stamps_of_another_clock_give_way_to_receipt(tmp_path: Path):
     ros_writer.write(tmp_path / "bag", flight(), delay=100.0)
     recording = read(tmp_path / "bag")
     np.testing.assert_allclose(recording.streams["/imu"].t, flight()["/imu"].t, rtol=0, atol=1e-9)
@@ -93,9 +89,7 @@ def test_stamps_of_another_clock_give_way_to_receipt(tmp_path: Path, ros_writer)
     )
 
 
-def test_a_topic_of_an_unknown_type_is_left_out_with_a_note(
-    tmp_path: Path, ros_writer, monkeypatch
-):
+def test_a_topic_of_an_unknown_type_is_left_out_with_a_note(tmp_path: Path, monkeypatch):
     path = tmp_path / "flight.mcap"
     ros_writer.write(path, flight())
     content = path.read_bytes().replace(
@@ -111,7 +105,7 @@ def test_a_topic_of_an_unknown_type_is_left_out_with_a_note(
     assert any("/rpm is left out: the type" in note for note in recording.notes)
 
 
-def test_without_the_library_the_remedy_is_named(tmp_path: Path, ros_writer, monkeypatch):
+def test_without_the_library_the_remedy_is_named(tmp_path: Path, monkeypatch):
     ros_writer.write(tmp_path / "flight.bag", flight())
     monkeypatch.setitem(__import__("sys").modules, "rosbags", None)
     with pytest.raises(LogError, match=r"pip install 'np_drake\[ros\]'"):
@@ -167,7 +161,7 @@ def test_the_names_of_mavros_are_known_among_several():
 
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.bag"])
-def test_of_a_bag_that_is_cut_the_remedy_is_named(tmp_path: Path, ros_writer, name: str):
+def test_of_a_bag_that_is_cut_the_remedy_is_named(tmp_path: Path, name: str):
     path = tmp_path / name
     ros_writer.write(path, flight())
     path.write_bytes(path.read_bytes()[:-3000])
@@ -176,14 +170,14 @@ def test_of_a_bag_that_is_cut_the_remedy_is_named(tmp_path: Path, ros_writer, na
     assert "\n" not in str(found.value)
 
 
-def test_a_write_ahead_file_beside_a_bag_is_to_be_merged(tmp_path: Path, ros_writer):
+def test_a_write_ahead_file_beside_a_bag_is_to_be_merged(tmp_path: Path):
     ros_writer.write(tmp_path / "a.db3", flight())
     (tmp_path / "a.db3-wal").write_bytes(b"x")
     with pytest.raises(LogError, match=r"a\.db3: must hold .*wal_checkpoint"):
         ROS.contents(tmp_path / "a.db3")
 
 
-def test_a_damaged_chunk_ends_reading_with_a_note(tmp_path: Path, ros_writer):
+def test_a_damaged_chunk_ends_reading_with_a_note(tmp_path: Path):
     t = np.arange(6000) * 0.01
     ros_writer.write(tmp_path / "bag", {"/odom": stream(ODOMETRY, t)}, compression="storage")
     path = tmp_path / "bag" / "bag.mcap"

@@ -14,6 +14,7 @@ from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.formats.table import TABLE
+from tests.np_drake.logs.formats.table_writer import write as write_table
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".tsv", ".parquet")
 
@@ -37,7 +38,7 @@ def made():
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-def test_what_was_written_is_read_bit_for_bit(made, tmp_path, write_table, suffix, delimiter):
+def test_what_was_written_is_read_bit_for_bit(made, tmp_path, suffix, delimiter):
     if suffix == ".parquet":
         pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
     path = tmp_path / f"made{suffix}"
@@ -51,7 +52,7 @@ def test_what_was_written_is_read_bit_for_bit(made, tmp_path, write_table, suffi
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".csv.gz"])
-def test_lists_in_cells_become_columns_row_by_row(tmp_path, write_table, suffix):
+def test_lists_in_cells_become_columns_row_by_row(tmp_path, suffix):
     vectors, matrices = np.arange(12.0).reshape(4, 3), np.arange(36.0).reshape(4, 3, 3)
     path = tmp_path / f"made{suffix}"
     write_table(path, {"table": Stream(np.arange(4.0), {"p": vectors, "R": matrices})})

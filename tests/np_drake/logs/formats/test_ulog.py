@@ -2,8 +2,8 @@
 
 import struct
 import sys
+from functools import partial
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -11,18 +11,14 @@ import pytest
 pytest.importorskip("pyulog", reason="ULog needs pyulog")
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import Recording, Stream
+from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.ulog import ULOG
 from np_drake.logs.importing.import_log import import_log
+from tests.np_drake.logs.formats import ulog_writer as writer
+from tests.np_drake.logs.formats.made_files import noise, read
 
 Q = [f"q[{i}]" for i in range(4)]
-
-
-@pytest.fixture(scope="module")
-def writer(ulog_writer) -> ModuleType:
-    """Return the module that writes such logs."""
-    return ulog_writer
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +28,7 @@ def log(tmp_path_factory) -> Path:
 
 
 def stream(columns, rows=60, rate=50.0, seed=1) -> Stream:
-    rng = np.random.default_rng(seed)
-    return Stream(np.arange(rows) / rate, {c: rng.standard_normal(rows) for c in columns})
+    return noise(columns, np.arange(rows) / rate, seed)
 
 
 @pytest.fixture(scope="module")
@@ -48,12 +43,10 @@ def made() -> dict[str, Stream]:
     }
 
 
-def everything(path: Path) -> Recording:
-    wanted = {name: list(columns) for name, columns in ULOG.contents(path).items()}
-    return ULOG.read(path, wanted, lambda share: None)
+everything = partial(read, ULOG)
 
 
-def test_what_is_written_is_read(log, writer, made):
+def test_what_is_written_is_read(log, made):
     writer.write(log, made)
     dut = everything(log)
     assert format_of(log) is ULOG
@@ -65,7 +58,7 @@ def test_what_is_written_is_read(log, writer, made):
             assert np.array_equal(dut.streams[name].columns[column], values)
 
 
-def sampled(writer, name, delay) -> dict[str, Stream]:
+def sampled(name, delay) -> dict[str, Stream]:
     """Return a stream whose samples are older than its messages by a delay (n,) [s]."""
     t = 0.1 + np.arange(20) * 0.02
     us = writer.START + np.round((t - delay) * 1e6)
@@ -76,10 +69,10 @@ def sampled(writer, name, delay) -> dict[str, Stream]:
     }
 
 
-def test_times_are_those_of_the_sample_where_it_has_one(log, writer):
+def test_times_are_those_of_the_sample_where_it_has_one(log):
     delay = np.full(20, 0.004)
     delay[7] = np.nan  # a row that does not say
-    writer.write(log, sampled(writer, "vehicle_angular_velocity", delay))
+    writer.write(log, sampled("vehicle_angular_velocity", delay))
     dut = ULOG.read(log, {"vehicle_angular_velocity": ["xyz[0]"]}, lambda share: None)
     t = 0.1 + np.arange(20) * 0.02
     assert dut.streams["vehicle_angular_velocity"].t == pytest.approx(
@@ -91,14 +84,14 @@ def test_times_are_those_of_the_sample_where_it_has_one(log, writer):
 @pytest.mark.parametrize(
     "name", ["vehicle_thrust_setpoint", "actuator_motors", "actuator_controls_0"]
 )
-def test_a_command_acts_when_it_is_published(log, writer, name):
-    writer.write(log, sampled(writer, name, np.full(20, 0.004)))
+def test_a_command_acts_when_it_is_published(log, name):
+    writer.write(log, sampled(name, np.full(20, 0.004)))
     dut = ULOG.read(log, {name: ["xyz[0]"]}, lambda share: None)
     assert dut.streams[name].t == pytest.approx(0.1 + np.arange(20) * 0.02, abs=1e-6)
     assert "published" in dut.notes[0]
 
 
-def test_a_row_without_a_time_is_left_out_and_a_backward_time_is_kept(log, writer):
+def test_a_row_without_a_time_is_left_out_and_a_backward_time_is_kept(log):
     t = np.array([0.5, 0.3, 0.3, -writer.START / 1e6])
     table = {"a": Stream(t, {"x": np.arange(4.0)})}
     writer.write(log, table)
@@ -108,7 +101,7 @@ def test_a_row_without_a_time_is_left_out_and_a_backward_time_is_kept(log, write
     assert "a: 1 rows without a time" in dut.notes[0]
 
 
-def test_facts_name_the_vehicle_and_the_parameters_of_its_thrust(log, writer, made):
+def test_facts_name_the_vehicle_and_the_parameters_of_its_thrust(log, made):
     parameters = {
         "MPC_THR_HOVER": 0.35,
         "CA_ROTOR_COUNT": 4,
@@ -125,7 +118,7 @@ def test_facts_name_the_vehicle_and_the_parameters_of_its_thrust(log, writer, ma
     assert not {"CA_ROTOR4_PX", "PWM_AUX_MIN1", "EKF2_AID_MASK"} & set(dut)
 
 
-def test_estimates_that_are_not_valid_or_jump_are_noted(log, writer):
+def test_estimates_that_are_not_valid_or_jump_are_noted(log):
     n = 20
     position = stream(["x"], rows=n)
     flags = {
@@ -146,7 +139,7 @@ def test_estimates_that_are_not_valid_or_jump_are_noted(log, writer):
     )
 
 
-def test_of_a_log_that_was_cut_the_whole_messages_are_kept(log, writer, made):
+def test_of_a_log_that_was_cut_the_whole_messages_are_kept(log, made):
     writer.write(log, {"vehicle_attitude": made["vehicle_attitude"]})
     content = log.read_bytes()
     row = 3 + 2 + 8 + 4 * 8
@@ -159,7 +152,7 @@ def test_of_a_log_that_was_cut_the_whole_messages_are_kept(log, writer, made):
         import_log(log)
 
 
-def test_warnings_of_the_parser_become_notes(log, writer, made, capsys):
+def test_warnings_of_the_parser_become_notes(log, made, capsys):
     writer.write(log, made)
     log.write_bytes(log.read_bytes() + struct.pack("<HB", 9, ord("D")) + b"\x63\0no name")
     assert "damaged" in everything(log).notes[0]

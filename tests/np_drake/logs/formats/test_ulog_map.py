@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ pytest.importorskip("pyulog", reason="ULog needs pyulog")
 
 from np_drake.logs.formats.format import Contents, Recording, Stream, by_stream
 from np_drake.logs.formats.ulog import ULOG
+from tests.np_drake.logs.formats import ulog_writer as writer
 
 Q = [f"q[{i}]" for i in range(4)]
 XYZ = [f"xyz[{i}]" for i in range(3)]
@@ -20,12 +20,6 @@ def stream(columns) -> Stream:
     """Return sixty rows at 50 Hz in which every column changes."""
     t = np.arange(60) / 50.0
     return Stream(t, {c: np.sin(7.0 * t + i) for i, c in enumerate(columns)})
-
-
-@pytest.fixture(scope="module")
-def writer(ulog_writer) -> ModuleType:
-    """Return the module that writes such logs."""
-    return ulog_writer
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +127,7 @@ def rotors(rows: Mapping[str, int], used: int, rate: float) -> dict[str, Stream]
     return found
 
 
-def test_four_rotors_in_use_are_taken_and_constant_ones_left_out(log, writer):
+def test_four_rotors_in_use_are_taken_and_constant_ones_left_out(log):
     writer.write(
         log, rotors({"esc_status": 8, "actuator_motors": 12, "actuator_outputs": 16}, 4, 100.0)
     )
@@ -150,7 +144,7 @@ def test_four_rotors_in_use_are_taken_and_constant_ones_left_out(log, writer):
 
 
 @pytest.mark.parametrize(("used", "rate"), [(6, 100.0), (3, 100.0), (4, 10.0)])
-def test_rotors_not_four_or_logged_slowly_leave_collective_thrust(log, writer, used, rate):
+def test_rotors_not_four_or_logged_slowly_leave_collective_thrust(log, used, rate):
     writer.write(log, rotors({"esc_status": 8, "actuator_motors": 12}, used, rate))
     dut = sources(ULOG.contents(log))
     assert dut["throttle"] == ["vehicle_thrust_setpoint/xyz[2]"]

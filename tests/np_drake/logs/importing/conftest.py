@@ -14,7 +14,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, Source
 from tests.np_drake.diagnosis import simulated_flights
-from tests.np_drake.logs.formats.conftest import load_writer
+from tests.np_drake.logs.formats import made_files
 from tests.np_drake.logs.importing import autopilot_streams
 
 POINTS = {  # of the letters of a frame, in ours
@@ -99,7 +99,7 @@ def conventions():
 @pytest.fixture(scope="session")
 def writer():
     """Return `writer(name)`: the module that writes made files of a format."""
-    return load_writer
+    return made_files.writer
 
 
 @pytest.fixture(scope="session")
