@@ -43,12 +43,10 @@ def lines_of(paths: list[Path]) -> int:
 
 
 def starred(source: str) -> list[int]:
-    """Return the lines of calls that take a starred tuple in place of arguments."""
-    calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+    """Return the lines on which a tuple is starred in place of its items."""
+    nodes = ast.walk(ast.parse(source))
     return [
-        call.lineno
-        for call in calls
-        if any(isinstance(a, ast.Starred) and isinstance(a.value, ast.Tuple) for a in call.args)
+        n.lineno for n in nodes if isinstance(n, ast.Starred) and isinstance(n.value, ast.Tuple)
     ]
 
 
@@ -91,5 +89,5 @@ def test_nothing_is_written_for_the_count():
 
 
 def test_the_law_sees_a_starred_tuple():
-    assert starred("f(*(1, 2), c=3)") == [1]
+    assert starred("f(*(1, 2), c=3)") == starred("x = (*(1, 2), 3)") == [1]
     assert starred("f(*values)") == []

@@ -224,9 +224,22 @@ def outcome(case: AnsweredCase) -> dict[str, Any]:
 
 
 SHOWN = (
-    *("case", "group", "kind", "visibility", "true", "class", "verdict", "probability"),
-    *("answered", "exact", "right_class", "matched", "missed", "onset"),
-    *("shrink_relative", "replay_reduction"),
+    "case",
+    "group",
+    "kind",
+    "visibility",
+    "true",
+    "class",
+    "verdict",
+    "probability",
+    "answered",
+    "exact",
+    "right_class",
+    "matched",
+    "missed",
+    "onset",
+    "shrink_relative",
+    "replay_reduction",
 )
 SINGLES = {
     "class": "right_class",

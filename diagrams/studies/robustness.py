@@ -52,8 +52,15 @@ ORACLE = "oracle"  # row that knows everything
 NEAR, FLOOR = 2.0, 0.001  # near the oracle: at most NEAR times its E_xy [1] and FLOOR more [m]
 # Rows of the tracking comparison that are flown.
 SHOWN = (
-    *("nominal", "hold", "hold + total mass", "gp", "knode", "np: lifted", "np"),
-    *("payload_filter", ORACLE),
+    "nominal",
+    "hold",
+    "hold + total mass",
+    "gp",
+    "knode",
+    "np: lifted",
+    "np",
+    "payload_filter",
+    ORACLE,
 )
 ROWS = tuple(named(TRACKING_ROWS, name) for name in SHOWN)
 NAIVE = tuple(row.name for row in ROWS if row.kind not in (*LEARNED, ORACLE))  # learn nothing

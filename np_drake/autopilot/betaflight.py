@@ -38,8 +38,12 @@ LEAST_THROTTLE, MOST, MIDDLE, HALF = 1010, 2000, 1500, 500  # pulse widths of th
 RATE_STEP = 10.0  # of the firmware's largest rates [deg/s]
 AXES = ("roll", "pitch", "yaw")
 RESERVED = (  # settings by which the sticks are rates and thrust
-    *("min_check", "rates_type", "deadband", "yaw_deadband"),
-    *("blackbox_device", "yaw_motors_reversed"),
+    "min_check",
+    "rates_type",
+    "deadband",
+    "yaw_deadband",
+    "blackbox_device",
+    "yaw_motors_reversed",
     *(f"{axis}_{name}" for axis in AXES for name in ("rc_rate", "srate", "expo")),
 )
 STICK_EVERY = 5  # periods, while it is held [1]

@@ -29,8 +29,25 @@ class ClockOffset(SensorEffect):
     pure_delay = True
     linear = False
     corrupts = (
-        *("px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"),
-        *("ax", "ay", "az", "alx", "aly", "alz"),
+        "px",
+        "py",
+        "pz",
+        "qw",
+        "qx",
+        "qy",
+        "qz",
+        "vx",
+        "vy",
+        "vz",
+        "wx",
+        "wy",
+        "wz",
+        "ax",
+        "ay",
+        "az",
+        "alx",
+        "aly",
+        "alz",
     )
     parameters = (
         Parameter(

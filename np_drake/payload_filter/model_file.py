@@ -16,8 +16,16 @@ from np_drake.vehicle.scaling import Scales, over_paper
 PAYLOAD_FILTER = "payload_filter"  # name of the configuration
 SCHEMA = "np_drake.payload_filter_model/1"  # format of the file and its version
 NUMBERS = (
-    *("step", "mass", "gravity", "rotor_lag", "delay"),
-    *("thrust_error", "thrust_error_deviation", "drag", "drag_deviation", "arm"),
+    "step",
+    "mass",
+    "gravity",
+    "rotor_lag",
+    "delay",
+    "thrust_error",
+    "thrust_error_deviation",
+    "drag",
+    "drag_deviation",
+    "arm",
 )
 LARGEST = 1e6  # of a positive parameter, in any unit; own choice: more is damage
 VECTORS = {

@@ -139,8 +139,11 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
     still = loose if measured else "log rotor speed on the same trajectory"
     for name, driven, measurement, frequencies, resonance in (
         (
-            *("resonance", "the motion", "a flight without payload, cables and loose parts"),
-            *(() if "attitude" in lacks else RESONANCES, _resonance),
+            "resonance",
+            "the motion",
+            "a flight without payload, cables and loose parts",
+            () if "attitude" in lacks else RESONANCES,
+            _resonance,
         ),
         ("twist", words["torque"], still, TWISTS, partial(_twist, priors=priors)),
     ):
