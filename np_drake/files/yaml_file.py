@@ -103,7 +103,7 @@ def check_numbers(
     if fits and all(least <= one <= most and abs(one) <= LARGEST for one in counts):
         return
     between = f"positive, {most:g} at most" if least == POSITIVE else f"{least:g} to {most:g}"
-    words = ("whole and " if whole else "") + WORDS.get(bounds, between)
+    words = WORDS.get(bounds, between) + (", a whole number" if whole else "")
     count = f"{' x '.join(map(str, shape))} numbers, each " if shape else ""
     remedy = f" Is it in {unit}?" if most < math.inf and unit != "1" else ""
     raise ValueError(f"{name} must be {count}{words} [{unit}]; got {shown(value)}.{remedy}")

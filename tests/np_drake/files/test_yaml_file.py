@@ -156,8 +156,8 @@ class Bounded:
         ({"size": True}, "size must be positive and finite [m]; got True."),
         ({"size": 10**400}, "size must be positive and finite [m]; got 10"),
         ({"place": [[0.0], [0.0, 1.0]]}, "place must be 2 numbers, each -1 to 2 [m]; got [[0.0]"),
-        ({"parts": 2.5}, "parts must be whole and 1 to 9 [1]; got 2.5."),
-        ({"parts": True}, "parts must be whole and 1 to 9 [1]; got True."),
+        ({"parts": 2.5}, "parts must be 1 to 9, a whole number [1]; got 2.5."),
+        ({"parts": True}, "parts must be 1 to 9, a whole number [1]; got True."),
     ],
 )
 def test_a_value_outside_its_bounds_is_told_with_them(change, reason):
