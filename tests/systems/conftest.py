@@ -44,11 +44,6 @@ def in_flight(seed: int, **effects) -> SimpleNamespace:
 
 
 @pytest.fixture
-def fly():
-    return in_flight
-
-
-@pytest.fixture
 def apply_impulse():
     """Add dv = J / m to the payload of a cable: (plant, its context, J (3,) in W [N·s])."""
 

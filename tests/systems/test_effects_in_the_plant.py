@@ -20,6 +20,7 @@ from np_drake.flight_log import Neighbour
 from np_drake.vehicle import Vehicle
 from systems.plant import set_hover
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
+from tests.systems.conftest import in_flight as fly
 
 VEHICLE = Vehicle()
 SEEDS = pytest.mark.parametrize("seed", [0, 1])
@@ -32,7 +33,7 @@ def every(base):
 
 @SEEDS
 @every(WrenchEffect)
-def test_the_plant_feels_the_wrench_of_the_pure_function(fly, effect, seed):
+def test_the_plant_feels_the_wrench_of_the_pure_function(effect, seed):
     effects = [effect(), LinearDrag(0.1, 0.2, 0.3), QuadraticDrag(0.01, 0.02, 0.03)]
     now = fly(seed, wrench_effects=effects)
     np.testing.assert_allclose(now.chi, total_wrench(VEHICLE, effects, now.motion), atol=1e-9)
@@ -43,7 +44,7 @@ def test_the_plant_feels_the_wrench_of_the_pure_function(fly, effect, seed):
 
 @SEEDS
 @every(ActuatorEffect)
-def test_the_plant_feels_the_thrust_of_the_pure_function(fly, effect, seed):
+def test_the_plant_feels_the_thrust_of_the_pure_function(effect, seed):
     dut = effect()
     now = fly(seed, actuator_effects=[dut])
     hover = np.full(4, VEHICLE.mass * VEHICLE.gravity / 4)
@@ -57,7 +58,7 @@ def test_the_plant_feels_the_thrust_of_the_pure_function(fly, effect, seed):
 
 
 @SEEDS
-def test_rotors_that_lag_turn_the_body_by_their_own_angular_momentum(fly, seed):
+def test_rotors_that_lag_turn_the_body_by_their_own_angular_momentum(seed):
     lag, spin = MotorLag(0.05), RotorGyroscopic(2e-4)
     now = fly(seed, actuator_effects=[lag, ThrustScale(0.9)], wrench_effects=[spin])
     hover = np.full(4, VEHICLE.mass * VEHICLE.gravity / 4)
@@ -69,7 +70,7 @@ def test_rotors_that_lag_turn_the_body_by_their_own_angular_momentum(fly, seed):
 
 
 @SEEDS
-def test_weak_blades_leave_the_rotors_their_momentum(fly, seed):
+def test_weak_blades_leave_the_rotors_their_momentum(seed):
     spin = RotorGyroscopic(2e-4)
     now = fly(seed, actuator_effects=[ThrustScale(0.5)], wrench_effects=[spin])
     np.testing.assert_allclose(now.motion.rotor_thrust, 0.5 * now.command, atol=1e-12)
@@ -81,7 +82,7 @@ def test_weak_blades_leave_the_rotors_their_momentum(fly, seed):
 
 @SEEDS
 @every(MassEffect)
-def test_the_plant_obeys_newton_and_euler_about_its_true_centre_of_mass(fly, effect, seed):
+def test_the_plant_obeys_newton_and_euler_about_its_true_centre_of_mass(effect, seed):
     now = fly(seed, mass_effects=[effect()])
     assert np.abs(now.chi).max() > 1e-3
     _follows_newton_and_euler(now, mass_properties(VEHICLE, [effect()]))
@@ -117,7 +118,7 @@ def test_neutral_effects_leave_the_hovering_vehicle_alone(tether):
     assert not dut.HasSubsystemNamed("actuators")
 
 
-def test_a_downwash_acts_in_the_plant_and_is_refused_without_a_neighbour(fly):
+def test_a_downwash_acts_in_the_plant_and_is_refused_without_a_neighbour():
     above = Neighbour(np.array([0.0, 100.0]), np.tile([0.0, 0.0, 10.0], (2, 1)))
     now = fly(0, wrench_effects=[Downwash(1.0, (above,))])
     np.testing.assert_allclose(

@@ -6,7 +6,6 @@ import pytest
 from diagrams.challenge import flight, make
 from diagrams.challenge.draw import VEHICLES
 from diagrams.challenge.plans import draw_plan
-from tests.diagrams.challenge import hand_made, made_flight
 
 SECONDS = 2.5
 
@@ -35,18 +34,6 @@ def t():
 @pytest.fixture(scope="session")
 def plan(vehicle):
     return draw_plan(np.random.default_rng(3), vehicle, SECONDS, "aggressive_multisine")
-
-
-@pytest.fixture(scope="session")
-def by_hand():
-    """Answers and truths whose score can be counted."""
-    return hand_made
-
-
-@pytest.fixture(scope="session")
-def make_flight():
-    """Return a flight with a force that the nominal model lacks."""
-    return made_flight.flight
 
 
 @pytest.fixture(scope="session")

@@ -6,10 +6,11 @@ import pytest
 
 from diagrams.challenge.answered_case import read_answered_cases
 from diagrams.challenge.score import same_flight
+from tests.diagrams.challenge import hand_made as by_hand
 
 
 @pytest.fixture
-def folders(by_hand, tmp_path):
+def folders(tmp_path):
     truths = {"a1": by_hand.make_truth(by_hand.SCALE), "b2": by_hand.make_truth(kind="clean")}
     for name, truth in truths.items():
         (tmp_path / "truth" / name).mkdir(parents=True)

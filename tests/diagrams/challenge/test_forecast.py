@@ -17,10 +17,11 @@ from diagrams.cli.main import run
 from np_drake.residual_models.hold import Constant, Hold
 from np_drake.training_data.segments import sampled_flight
 from np_drake.vehicle import Vehicle
+from tests.diagrams.challenge.made_flight import flight as make_flight
 
 
 @pytest.fixture(scope="module")
-def manoeuvres(make_flight):
+def manoeuvres():
     """Three manoeuvres of two flights each, pushed by a force."""
     flights = [[make_flight(2 * k + twin, push, 4.0) for twin in range(2)] for k in range(3)]
     return {f"{k}": [(log, Vehicle()) for log in own] for k, own in enumerate(flights)}

@@ -15,6 +15,7 @@ from diagrams.challenge.least_squares import (
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.pendulum import hanging, swing_many
 from np_drake.vehicle import Vehicle
+from tests.diagrams.challenge.made_flight import flight as make_flight
 
 
 def found_on(log):
@@ -22,7 +23,7 @@ def found_on(log):
     return select_by_bic(e.y[:, :WRENCH], library_columns([e]))
 
 
-def test_a_steady_force_is_a_wind(make_flight):
+def test_a_steady_force_is_a_wind():
     found = found_on(make_flight(2, lambda t, p, v, a: np.array([-0.5, 0.2, 0.0]) + 0 * v))
     assert found.get("constant_wind", 0.0) > 0.99
 
@@ -46,7 +47,7 @@ def test_the_criterion_is_that_of_gaussian_noise():
     assert bic == pytest.approx(500 * np.log(left).sum() + 2 * np.log(3000))
 
 
-def test_a_planted_payload_is_found_at_its_length(make_flight):
+def test_a_planted_payload_is_found_at_its_length():
     mass, length = 0.15, LENGTHS[13]
 
     def pull(t, p, v, a):

@@ -16,6 +16,7 @@ from diagrams.challenge.score import (
     score,
     share,
 )
+from tests.diagrams.challenge import hand_made as by_hand
 
 
 def counted(rate):
@@ -46,14 +47,14 @@ def test_the_interval_is_exact_at_its_bounds():
         ((), True, (0, 1, 1)),
     ],
 )
-def test_every_verdict_but_the_right_name_alone_is_a_miss(by_hand, names, unknown, counts):
+def test_every_verdict_but_the_right_name_alone_is_a_miss(names, unknown, counts):
     dut = outcome(by_hand.named(by_hand.make_truth(by_hand.SCALE), *names, unknown=unknown))
     assert dut["counts"] == counts
     assert dut["exact"] == dut["right_class"] == (counts[1:] == (0, 0))
     assert dut["class_unknown_allowed"] == (names == ("thrust_scale",))
 
 
-def test_a_class_is_right_from_either_side(by_hand):
+def test_a_class_is_right_from_either_side():
     truth = by_hand.make_truth(by_hand.SCALE)
     by_answer = by_hand.named(truth, "mass_error", alike=("thrust_scale",))
     by_truth = by_hand.named({**truth, "class": [["thrust_scale", "mass_error"]]}, "mass_error")
@@ -64,7 +65,7 @@ def test_a_class_is_right_from_either_side(by_hand):
         assert dut["judged"] == [("mass_error", 1.0, true)]
 
 
-def test_a_cause_stands_for_one_effect_and_its_own_name_goes_first(by_hand):
+def test_a_cause_stands_for_one_effect_and_its_own_name_goes_first():
     truth, alike = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair"), ("thrust_scale",)
     one = by_hand.named(truth, "mass_error", alike=(*alike, "linear_drag"))
     both = by_hand.named(truth, "linear_drag", "thrust_scale", alike=(*alike, "linear_drag"))
@@ -72,7 +73,7 @@ def test_a_cause_stands_for_one_effect_and_its_own_name_goes_first(by_hand):
     assert matches(both) == {0: "thrust_scale", 1: "linear_drag"}
 
 
-def test_an_effect_within_the_files_tolerance_may_be_named_or_not(by_hand):
+def test_an_effect_within_the_files_tolerance_may_be_named_or_not():
     lost = {"kind": "pair", "within_tolerance": [True, False]}
     truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, **lost)
     for names, found in [
@@ -104,7 +105,7 @@ def summary(*cases):
         ("DRAG", {"d_x": 0.3, "d_y": 0.4, "d_z": 0.25}, 0.5, (True, True, False)),  # of a vector
     ],
 )
-def test_an_error_is_relative_to_the_distance_from_neutral(by_hand, effect, given, size, inside):
+def test_an_error_is_relative_to_the_distance_from_neutral(effect, given, size, inside):
     effect = getattr(by_hand, effect)
     ((_, _, found, kind, held, _),) = errors_of(
         answered(by_hand, by_hand.make_truth(effect), effect["effect"], **given)
@@ -126,7 +127,7 @@ def onsets(case):
     return score([case])["onset"]
 
 
-def test_flights_with_an_onset_are_counted(by_hand):
+def test_flights_with_an_onset_are_counted():
     case = begun(by_hand, {"train_1": 8.15, "train_2": None, "heldout_1": 5.3})
     rows = onset_errors(case)
     assert [row["flight"] for row in rows] == ["train_1.csv", "heldout_1.csv"]
@@ -148,18 +149,18 @@ def closing(by_hand, kind="single", **figures):
 @pytest.mark.parametrize(
     "after, shrink", [(1.0, 1.0), (3.0, 0.0), (2.0, 1 - 3 / 8), (0.5, 1.0), (9.0, -1.0)]
 )
-def test_the_true_model_has_one_and_no_change_none(by_hand, after, shrink):
+def test_the_true_model_has_one_and_no_change_none(after, shrink):
     dut = relative_gap_reduction(closing(by_hand, before=3.0, after=after))
     assert dut == pytest.approx(shrink)
 
 
-def test_channels_are_pooled_in_units_of_their_floor(by_hand):
+def test_channels_are_pooled_in_units_of_their_floor():
     case = closing(by_hand, before=2.0, after=1.5)
     case.answer["gap"]["torque"]["y"]["rms"] = 5 * 0.02  # five times its floor of 0.02 N·m
     assert relative_gap_reduction(case) == pytest.approx(1 - (1.5**2 - 1) / ((5 * 4 + 25) / 6 - 1))
 
 
-def test_the_replay_is_compared_at_one_second(by_hand):
+def test_the_replay_is_compared_at_one_second():
     case = closing(by_hand)
     assert replay_reduction(case) is None
     before, after = {"position": [0.1, 0.4]}, {"position": [0.1, 0.1]}
@@ -191,7 +192,7 @@ def test_half_are_found_where_the_classes_part():
 
 
 @pytest.fixture
-def cases(by_hand):
+def cases():
     return by_hand.perfect_set()
 
 
@@ -208,7 +209,7 @@ def test_perfect_answers_have_full_marks(cases):
     assert not any(row["missed"] for row in dut["cases"])
 
 
-def test_without_answers_all_is_missed_and_said(cases, by_hand):
+def test_without_answers_all_is_missed_and_said(cases):
     dut = score([by_hand.again(case, answer=None) for case in cases])
     none = {"single": 0.0, "single_exact": 0.0, "pair": 0.0, "triple": 0.0, "unknown": 0.0}
     assert dut["accuracy"] == {**none, "clean_false_alarm": 1.0}
@@ -217,7 +218,7 @@ def test_without_answers_all_is_missed_and_said(cases, by_hand):
     assert dut["warnings"][0].startswith("18 cases have no answer and count as misses: case 0,")
 
 
-def test_an_out_of_library_effect_must_be_called_unknown_alone(cases, by_hand):
+def test_an_out_of_library_effect_must_be_called_unknown_alone(cases):
     truth = by_hand.make_truth(by_hand.OUT_OF_LIBRARY, kind="foreign")
     sure, unsure = (by_hand.make_cause("gusty_wind", {}, probability=p) for p in (0.95, 0.85))
     more = [
@@ -233,7 +234,7 @@ def test_an_out_of_library_effect_must_be_called_unknown_alone(cases, by_hand):
     assert kind["named"] == {"gusty_wind": 2}
 
 
-def test_a_mixed_set_is_scored_by_group_and_by_quality(cases, by_hand):
+def test_a_mixed_set_is_scored_by_group_and_by_quality(cases):
     real = [by_hand.again(c, truth={**c.truth, "quality": "real"}, answer=None) for c in cases]
     dut = score([*cases, *real])
     singles = {name: own["accuracy"]["single"] for name, own in dut["groups"].items()}

@@ -4,10 +4,11 @@ import pytest
 
 from diagrams.challenge.score import score
 from diagrams.challenge.score_tables import asked_tables, missed, tables
+from tests.diagrams.challenge import hand_made as by_hand
 
 
 @pytest.mark.parametrize("perfect", [True, False])
-def test_tables_are_full_rows_and_every_miss_is_listed(by_hand, perfect):
+def test_tables_are_full_rows_and_every_miss_is_listed(perfect):
     lost = by_hand.make_case(by_hand.make_truth(by_hand.SCALE), None)
     dut = score(by_hand.perfect_set() if perfect else [lost])
     for _, header, rows in [*tables(dut, 1.5), *missed(dut)]:
@@ -15,7 +16,7 @@ def test_tables_are_full_rows_and_every_miss_is_listed(by_hand, perfect):
     assert [len(rows) for _, _, rows in missed(dut)] == ([] if perfect else [1])
 
 
-def test_what_falls_short_of_what_is_asked_stands_between_asterisks(by_hand):
+def test_what_falls_short_of_what_is_asked_stands_between_asterisks():
     cases = [by_hand.again(c, truth={**c.truth, "quality": "real"}) for c in by_hand.perfect_set()]
     pair = next(c.truth for c in cases if c.kind == "pair")
     cases += [by_hand.named(pair, "thrust_scale", "linear_drag", unknown=True)]

@@ -10,12 +10,13 @@ from diagrams.challenge.solve import solve, solve_case
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.text import vehicle_text
+from tests.diagrams.challenge.made_flight import flight as make_flight
 
 FILES = ("train_1.csv", "heldout_1.csv")
 
 
 @pytest.fixture
-def cases(tmp_path, make_flight):
+def cases(tmp_path):
     """Three case folders, of which the second lacks its flight to judge with."""
     for name in ("a1", "b2", "c3"):
         folder = tmp_path / "cases" / name

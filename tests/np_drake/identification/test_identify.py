@@ -6,6 +6,7 @@ import pytest
 
 from np_drake import attitude
 from np_drake.identification.identify import Identification, doubts, identify, trades
+from tests.np_drake.identification import analytic
 
 TRUTH = {  # name: (value, tolerance of it), beside which the interval must hold the value nearly
     "thrust coefficient": (9e-6, 3e-8),
@@ -35,7 +36,7 @@ TRUTH = {  # name: (value, tolerance of it), beside which the interval must hold
 
 
 @pytest.fixture(scope="module")
-def again(analytic):
+def again():
     """Identify from logs with the mass, on the shortest flights."""
 
     def run(*logs, **options) -> Identification:
@@ -50,7 +51,7 @@ def again(analytic):
 
 
 @pytest.fixture(scope="module")
-def short(analytic):
+def short():
     return analytic.flight(seed=7, seconds=5.0)
 
 
@@ -154,7 +155,7 @@ def test_the_unit_of_rotor_speed_scales_the_coefficient_alone(alone, again, shor
         )
 
 
-def test_without_mass_quantities_are_over_the_mass(analytic, alone, again, short):
+def test_without_mass_quantities_are_over_the_mass(alone, again, short):
     ratios = again(short, mass=None)
     assert ratios.basis.ratios
     assert ratios["inertia xx"].value == pytest.approx(
@@ -162,7 +163,7 @@ def test_without_mass_quantities_are_over_the_mass(analytic, alone, again, short
     )
 
 
-def test_a_trusted_coefficient_tells_the_mass(analytic, again, short):
+def test_a_trusted_coefficient_tells_the_mass(again, short):
     right = dc.replace(analytic.KNOWN, thrust_coefficient=9e-6)
     dut = again(short, mass=None, prior=right, trusted=True)
     assert not dut.basis.ratios
@@ -170,9 +171,7 @@ def test_a_trusted_coefficient_tells_the_mass(analytic, again, short):
     assert dut["mass"].low < dut["mass"].value < dut["mass"].high
 
 
-def test_flights_that_differ_in_inertia_disagree_on_it_alone_and_widen_it(
-    analytic, found, flights, again
-):
+def test_flights_that_differ_in_inertia_disagree_on_it_alone_and_widen_it(found, flights, again):
     heavier = np.array(analytic.TRUE.inertia) * np.array([[1.1, 1, 1], [1, 1, 1], [1, 1, 1]])
     other = analytic.flight(dc.replace(analytic.TRUE, inertia=heavier.tolist()), 2, seconds=10.0)
     dut = again(*flights[:2], other)

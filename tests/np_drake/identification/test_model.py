@@ -16,12 +16,13 @@ from np_drake.identification.model import (
 )
 from np_drake.identification.signals import signals
 from np_drake.identification.validation import vehicle_values
+from tests.np_drake.identification import analytic
 
 NAMES = [p.name for p in parameters(600.0, 0.01)]
 
 
 @pytest.fixture(scope="module")
-def frame_of(analytic):
+def frame_of():
     """Return the frame of the true vehicle for a kind of input."""
 
     def make(drive: str) -> Frame:
@@ -40,7 +41,7 @@ def frame_of(analytic):
 
 
 @pytest.fixture(scope="module")
-def truth(analytic, frame_of):
+def truth(frame_of):
     """Return the true parameters for a kind of input."""
 
     def make(drive: str) -> dict[str, float]:
@@ -53,7 +54,7 @@ def truth(analytic, frame_of):
 
 
 @pytest.fixture(scope="module")
-def model_of(analytic, frame_of):
+def model_of(frame_of):
     """Return the model of a flight without noise."""
 
     def make(drive: str, seed: int = 0) -> FlightModel:
@@ -104,7 +105,7 @@ def test_a_bias_of_the_accelerometer_is_what_is_left_of_the_force(model_of, trut
     )
 
 
-def test_a_mirrored_vehicle_has_mirrored_parameters(analytic, truth, frame_of):
+def test_a_mirrored_vehicle_has_mirrored_parameters(truth, frame_of):
     mirror = np.array([1.0, -1.0, 1.0])
     log = analytic.flight(seed=4, seconds=5.0, noisy=False)
     seen = signals(log, analytic.KNOWN.unmixer)

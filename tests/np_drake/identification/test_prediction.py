@@ -6,10 +6,11 @@ import pytest
 from np_drake.identification.model import FlightModel
 from np_drake.identification.signals import signals
 from np_drake.identification.validation import ERRORS, predict, vehicle_values
+from tests.np_drake.identification import analytic
 
 
 @pytest.fixture(scope="module")
-def level(analytic):
+def level():
     """The vehicle whose sensors stand straight."""
     return dc.replace(
         analytic.TRUE, calibration=dc.replace(analytic.TRUE.calibration, imu_tilt=[0.0] * 3)
@@ -17,7 +18,7 @@ def level(analytic):
 
 
 @pytest.fixture(scope="module")
-def case(analytic, level, found):
+def case(level, found):
     """A flight without noise, its model and the true parameters."""
     log = analytic.flight(level, 5, seconds=5.0, noisy=False)
     layout, frame = found.estimate.layout, found.basis.frame

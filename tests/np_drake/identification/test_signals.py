@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 
 from np_drake.identification.signals import DRIVES, drives_of, signals
+from tests.np_drake.identification import analytic
 
 
 @pytest.fixture(scope="module")
-def log(analytic):
+def log():
     return analytic.flight(seed=3, seconds=5.0)
 
 
 @pytest.fixture(scope="module")
-def dut(analytic, log):
+def dut(log):
     return signals(log, analytic.KNOWN.unmixer)
 
 
@@ -21,7 +22,7 @@ def test_the_mean_acceleration_of_a_span_is_the_change_of_its_rates(log, dut):
     np.testing.assert_allclose(total, log.w[dut.edges[-1]] - log.w[0], atol=1e-9)
 
 
-def test_without_accelerometer_the_force_is_that_of_the_velocities(analytic, dut):
+def test_without_accelerometer_the_force_is_that_of_the_velocities(dut):
     level = dc.replace(analytic.TRUE.calibration, imu_position=[0.0] * 3, imu_tilt=[0.0] * 3)
     log = analytic.flight(dc.replace(analytic.TRUE, calibration=level), 3, seconds=5.0, noisy=False)
     own = signals(log, analytic.KNOWN.unmixer)
@@ -32,7 +33,7 @@ def test_without_accelerometer_the_force_is_that_of_the_velocities(analytic, dut
     )  # m/s²; log.a turns with the row, not within it
 
 
-def test_a_gap_a_fall_a_spike_and_bridged_rows_do_not_count(analytic, log):
+def test_a_gap_a_fall_a_spike_and_bridged_rows_do_not_count(log):
     t, a, rotor, bridged = log.t.copy(), log.a.copy(), log.rotor.copy(), np.zeros(len(log), bool)
     t[101:] += 0.5
     a[200:210] = [0.0, 0.0, -9.81]
@@ -50,7 +51,7 @@ def test_a_part_counts_only_the_bins_within_it(dut):
     assert first.good.sum() == pytest.approx(0.6 * dut.good.sum(), abs=2)
 
 
-def test_rotor_speed_goes_before_throttle_and_throttle_before_thrust(analytic):
+def test_rotor_speed_goes_before_throttle_and_throttle_before_thrust():
     both = analytic.flight(seconds=4.0, drive="both")
     assert drives_of(both)[0] == "rotor_speed"
     assert drives_of(dc.replace(both, rotor=None))[0] == "throttle"
@@ -60,7 +61,7 @@ def test_rotor_speed_goes_before_throttle_and_throttle_before_thrust(analytic):
 
 
 @pytest.mark.parametrize("field", ["t", "q", "v", "w", "a"])
-def test_a_log_with_holes_is_refused(analytic, log, field):
+def test_a_log_with_holes_is_refused(log, field):
     values = getattr(log, field).copy()
     values[50] = np.nan
     with pytest.raises(ValueError, match=f"flight3: {field} must be numbers"):

@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 from np_drake.identification.validation import held_out
+from tests.np_drake.identification import analytic
 
 
 @pytest.fixture(scope="module")
-def unseen(analytic):
+def unseen():
     return [analytic.flight(seed=11, seconds=8.0)]
 
 
@@ -22,7 +23,7 @@ def test_on_unseen_flights_the_identified_model_goes_before_the_file(dut):
     assert np.all(after.open_loop[1] < before.open_loop[1])
 
 
-def test_what_is_left_is_the_noise_of_the_sensors(analytic, dut):
+def test_what_is_left_is_the_noise_of_the_sensors(dut):
     after = dut["identified"]
     assert np.all(after.force < 1.5 * analytic.TRUE.mass * analytic.NOISE["a"])
     gyro = np.sqrt(2) * analytic.NOISE["w"] / 0.01  # rad/s², of a difference over a row

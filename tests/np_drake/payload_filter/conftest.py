@@ -3,7 +3,6 @@
 import dataclasses as dc
 
 import numpy as np
-import pytest
 
 from np_drake import attitude
 from np_drake.effects.pendulum import swing_many
@@ -16,7 +15,7 @@ STEP, FINE, G, MASS = 0.02, 20, 9.81, 2.0  # sample [s], substeps [1], gravity [
 HOOK = np.array([0.0, 0.0, -0.025])  # [m]
 
 
-def _model(*, thrust_error=0.0, drag=0.125, hook=HOOK, deviation=0.01) -> PayloadFilterModel:
+def model(*, thrust_error=0.0, drag=0.125, hook=HOOK, deviation=0.01) -> PayloadFilterModel:
     """The vehicle as trained."""
     arm = scales(Vehicle()).length
     return PayloadFilterModel(
@@ -35,7 +34,7 @@ class Flown:
     u: np.ndarray
 
 
-def _flown(
+def flown(
     *,
     mass=0.26,
     length=0.8,
@@ -92,15 +91,3 @@ def _flown(
     )
     between = np.vstack([u[:1], 0.5 * (u[1:] + u[:-1])])
     return Flown([Sample(*row) for row in zip(x, between, chi, strict=True)], pull, r, x, u)
-
-
-@pytest.fixture(scope="session")
-def flown():
-    """Function that flies, see `_flown`."""
-    return _flown
-
-
-@pytest.fixture(scope="session")
-def model():
-    """Function that returns the vehicle as trained."""
-    return _model

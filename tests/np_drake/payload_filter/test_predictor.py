@@ -17,6 +17,7 @@ from np_drake.payload_filter.forecast import linear_pendulum
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Plan, Sample
 from np_drake.vehicle import Vehicle
+from tests.np_drake.payload_filter.conftest import flown, model
 
 G, MASS, STEP = 9.81, 2.0, 0.02  # of the made-up flights: gravity [m/s²], vehicle [kg], sample [s]
 HOOK = np.array([0.0, 0.0, -0.025])  # [m]
@@ -41,7 +42,7 @@ def mean_force(flight, k, horizon=20, stride=2):
     return ends[k : k + horizon * stride].reshape(horizon, stride, 3).mean(axis=1)
 
 
-def test_a_hanging_payload_pulls_with_its_weight_over_the_horizon(model, flown):
+def test_a_hanging_payload_pulls_with_its_weight_over_the_horizon():
     predictor = PayloadFilter(model())
     forecast = predictor.forecast(run(predictor, flown(seconds=4.0).samples), **SPAN)
     force = forecast.rollout(np.zeros((20, 6)))[:, :3]
@@ -49,7 +50,7 @@ def test_a_hanging_payload_pulls_with_its_weight_over_the_horizon(model, flown):
     np.testing.assert_allclose(force, expected, atol=0.06)  # label noise [N]
 
 
-def test_a_bare_vehicle_is_believed_bare_however_long_it_flies(model, flown):
+def test_a_bare_vehicle_is_believed_bare_however_long_it_flies():
     predictor = PayloadFilter(model())
     flight = flown(mass=0.0, seconds=12.0, radius=1.25, speed=2.5, noise=0.1)
     memory = run(predictor, flight.samples[:150])
@@ -62,7 +63,7 @@ def test_a_bare_vehicle_is_believed_bare_however_long_it_flies(model, flown):
 
 
 @pytest.mark.parametrize(("before", "after"), [(0.0, 0.1), (0.26, 0.36), (0.26, 0.0)])
-def test_a_payload_attached_or_lost_is_followed_within_300_ms(before, after, model, flown):
+def test_a_payload_attached_or_lost_is_followed_within_300_ms(before, after):
     n, change = 301, 200
     masses = np.where(np.arange(n) < change, before, after)
     flight = flown(mass=masses, seconds=(n - 1) * STEP)
@@ -74,7 +75,7 @@ def test_a_payload_attached_or_lost_is_followed_within_300_ms(before, after, mod
 
 
 @pytest.mark.parametrize("length", [0.4, 1.6])
-def test_a_swing_is_foretold_over_the_whole_horizon(length, model, flown):
+def test_a_swing_is_foretold_over_the_whole_horizon(length):
     flight = flown(length=length, seconds=12.0, radius=1.0, swing=0.2)
     predictor, k = PayloadFilter(model()), 500
     memory = run(predictor, flight.samples[: k + 1])
@@ -86,7 +87,7 @@ def test_a_swing_is_foretold_over_the_whole_horizon(length, model, flown):
     assert error.max() < 0.15 * held.max(), (error.max(), held.max())
 
 
-def test_a_hook_elsewhere_than_in_training_is_found_in_flight(model, flown):
+def test_a_hook_elsewhere_than_in_training_is_found_in_flight():
     flight = flown(length=0.8, seconds=12.0, radius=1.0, swing=0.2)
     predictor, k = PayloadFilter(model(hook=HOOK + [0.01, 0.0, 0.02])), 500
     memory = run(predictor, flight.samples[: k + 1])
@@ -100,7 +101,7 @@ def test_a_hook_elsewhere_than_in_training_is_found_in_flight(model, flown):
     assert np.abs(tau - clean).max() < 0.35 * np.abs(clean).max() + 0.006
 
 
-def test_after_a_swing_length_and_mass_are_those_that_fly(model, flown):
+def test_after_a_swing_length_and_mass_are_those_that_fly():
     flight = flown(length=1.2, seconds=10.0, radius=1.0, swing=0.3, noise=0.02)
     memory = run(PayloadFilter(model()), flight.samples)
     mass, log_length = memory["weight"] @ memory["mean"][:, [kernel.MASS, kernel.LOG_LENGTH]]
@@ -108,13 +109,13 @@ def test_after_a_swing_length_and_mass_are_those_that_fly(model, flown):
     assert mass == pytest.approx(0.26 / MASS, rel=0.05)
 
 
-def test_a_look_ahead_takes_the_memory_along(model):
-    model, vehicle = PayloadFilter(model()), Vehicle()
+def test_a_look_ahead_takes_the_memory_along():
+    dut, vehicle = PayloadFilter(model()), Vehicle()
     x, sent = np.zeros(13), np.tile(vehicle.hover_input, (KEPT, 1))
     x[2], x[3], x[7] = 1.0, 1.0, 0.5
     sample = Sample(x, vehicle.hover_input, np.full(6, np.nan))
-    memory = model.update(model.initial_memory(), sample)
-    later, ahead = LookAhead(model, vehicle)(memory, x, sent, 3 * STEP)
+    memory = dut.update(dut.initial_memory(), sample)
+    later, ahead = LookAhead(dut, vehicle)(memory, x, sent, 3 * STEP)
     np.testing.assert_array_equal(later["x"], ahead)
     assert not np.array_equal(later["mean"], memory["mean"])
 
@@ -145,7 +146,7 @@ def test_the_linear_pendulum_is_a_matrix_exponential_and_only_loses_energy(
 
 
 @pytest.mark.parametrize("part", ["x", "u", "chi"])
-def test_a_sample_with_nan_leaves_a_usable_memory(part, model, flown):
+def test_a_sample_with_nan_leaves_a_usable_memory(part):
     flight, predictor = flown(seconds=6.0, radius=1.0, swing=0.2), PayloadFilter(model())
     samples = list(flight.samples[:300])
     for k in (*range(40, 44), 200, 250, 251):
@@ -161,7 +162,7 @@ def test_a_sample_with_nan_leaves_a_usable_memory(part, model, flown):
 
 @given(st.integers(0, 2**31 - 1), st.floats(0.01, 30.0))
 @settings(max_examples=15, deadline=None)
-def test_tethers_stay_unit_and_covariances_positive_for_any_labels(model, seed, size):
+def test_tethers_stay_unit_and_covariances_positive_for_any_labels(seed, size):
     predictor, draw = PayloadFilter(model()), np.random.default_rng(seed)
     memory = predictor.initial_memory()
     for _ in range(60):

@@ -14,6 +14,7 @@ from np_drake.payload_filter.model_file import SCHEMA, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Plan, Sample
 from np_drake.vehicle.scaling import Scales
+from tests.np_drake.payload_filter.conftest import flown, model
 
 
 def unit_of(length: float) -> Scales:
@@ -48,7 +49,7 @@ def flown_as(model: PayloadFilterModel, flight, unit: Scales):
 
 
 @pytest.mark.parametrize("length", [0.25, 4.0])  # whose roots, and so all units, are powers of two
-def test_similar_vehicles_see_the_same_payload_in_their_own_units(length, model, flown):
+def test_similar_vehicles_see_the_same_payload_in_their_own_units(length):
     unit, flight = unit_of(length), flown(seconds=6.0, radius=1.0, swing=0.2)
     paper, expected = flown_as(model(), flight, unit_of(1.0))
     own, found = flown_as(model(), flight, unit)
@@ -63,7 +64,7 @@ def test_similar_vehicles_see_the_same_payload_in_their_own_units(length, model,
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_a_small_vehicle_looks_for_short_tethers_that_swing_fast(model):
+def test_a_small_vehicle_looks_for_short_tethers_that_swing_fast():
     paper = BankOptions()
     assert paper.scaled(model().unit) == paper
     dut = paper.scaled(unit_of(0.25))
@@ -74,7 +75,7 @@ def test_a_small_vehicle_looks_for_short_tethers_that_swing_fast(model):
     assert (dut.push, dut.least_noise, dut.mass) == (paper.push, paper.least_noise, paper.mass)
 
 
-def test_a_model_file_gives_back_the_model_and_lacks_nothing(tmp_path, model):
+def test_a_model_file_gives_back_the_model_and_lacks_nothing(tmp_path):
     path, before = tmp_path / "m.safetensors", dc.replace(model(), arm=0.05, summary={"samples": 3})
     before.save(path)
     after = PayloadFilterModel.load(path)

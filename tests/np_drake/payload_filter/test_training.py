@@ -12,6 +12,7 @@ from np_drake.residual_model import Sample
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 from np_drake.vehicle import Vehicle
+from tests.np_drake.payload_filter.conftest import flown
 
 STEP = 0.02  # [s]
 
@@ -42,7 +43,7 @@ def vehicle():
     return Vehicle().check()
 
 
-def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(flown, vehicle):
+def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(vehicle):
     flight = flown(seconds=30.0, radius=1.0, dither=0.08, thrust_error=-0.04, drag=0.15, noise=0.05)
     model = train_payload_filter([(as_log(flight, vehicle), vehicle)], step=STEP)
     # three tenths of the payload's weight [1]
@@ -55,7 +56,7 @@ def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(flown, vehicle):
     assert model.delay == 0.0  # the commands act at once
 
 
-def test_torque_of_the_speed_is_not_taken_for_the_hooks(flown, vehicle):
+def test_torque_of_the_speed_is_not_taken_for_the_hooks(vehicle):
     flight = flown(seconds=30.0, radius=1.0, dither=0.08, noise=0.05)
     speed_torque = np.array([0.012, -0.016])  # [N·s]
     for sample in flight.samples:
@@ -67,7 +68,7 @@ def test_torque_of_the_speed_is_not_taken_for_the_hooks(flown, vehicle):
     np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # the same [m]
 
 
-def test_samples_of_a_flight_pair_a_label_with_the_command_before_it(flown, vehicle):
+def test_samples_of_a_flight_pair_a_label_with_the_command_before_it(vehicle):
     log = as_log(flown(seconds=4.0), vehicle)
     log.u = log.u + np.arange(len(log))[:, None] * [0.01, 0, 0, 0]
     samples = flight_samples(log, vehicle, 0.0, STEP)
@@ -75,7 +76,7 @@ def test_samples_of_a_flight_pair_a_label_with_the_command_before_it(flown, vehi
     np.testing.assert_allclose([s.u for s in samples[1:]], log.u[:-1])
 
 
-def test_it_finds_the_delay_of_the_commands(flown, vehicle):
+def test_it_finds_the_delay_of_the_commands(vehicle):
     draw = np.random.default_rng(0)
     log = as_log(flown(seconds=20.0, radius=1.0, dither=0.08), vehicle)
     smooth, lagged = log.u, dc.replace(vehicle, rotor_time_constant=0.03)
@@ -88,7 +89,7 @@ def test_it_finds_the_delay_of_the_commands(flown, vehicle):
     assert model.rotor_lag == pytest.approx(0.03, abs=0.003)
 
 
-def test_flights_of_two_vehicles_or_without_torque_are_refused(flown, vehicle):
+def test_flights_of_two_vehicles_or_without_torque_are_refused(vehicle):
     log = as_log(flown(seconds=4.0), vehicle)
     without = dc.replace(log, al=np.full((len(log), 3), np.nan), name="blind")
     other = dc.replace(vehicle, mass=3.0)

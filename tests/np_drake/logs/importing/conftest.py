@@ -14,8 +14,8 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, Source
 from tests.np_drake.diagnosis import simulated_flights
-from tests.np_drake.logs.formats import made_files
-from tests.np_drake.logs.importing import autopilot_streams
+from tests.np_drake.logs.formats.made_files import writer
+from tests.np_drake.logs.importing import autopilot_streams as autopilots
 
 POINTS = {  # of the letters of a frame, in ours
     **{"f": (1, 0, 0), "l": (0, 1, 0), "u": (0, 0, 1), "e": (1, 0, 0), "n": (0, 1, 0)},
@@ -97,25 +97,13 @@ def conventions():
 
 
 @pytest.fixture(scope="session")
-def writer():
-    """Return `writer(name)`: the module that writes made files of a format."""
-    return made_files.writer
-
-
-@pytest.fixture(scope="session")
-def autopilots():
-    """Return the module that puts a flight into the messages of PX4 and ArduPilot."""
-    return autopilot_streams
-
-
-@pytest.fixture(scope="session")
 def flown(fly) -> FlightLog:
     """Return a lively flight of 8 s at 100 Hz, with usual sensor noise."""
     return fly(seed=5, seconds=8.0, noise=1.0, vigour=1.5, attitude_noise=0.003)
 
 
 @pytest.fixture
-def import_px4(flown, autopilots, writer, tmp_path):
+def import_px4(flown, tmp_path):
     """Return `import_px4(outputs, parameters)`: the import of the flight with these outputs by
     stream.
     """
@@ -132,7 +120,7 @@ def import_px4(flown, autopilots, writer, tmp_path):
 
 
 @pytest.fixture
-def import_ardupilot(flown, autopilots, writer, tmp_path):
+def import_ardupilot(flown, tmp_path):
     """Return `import_ardupilot(outputs, parameters)`: the import of the flight with these
     pulses.
     """

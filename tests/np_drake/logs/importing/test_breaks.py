@@ -7,6 +7,7 @@ from np_drake.logs.formats.format import Stream
 from np_drake.logs.importing.breaks import find_breaks, split
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.signals import Signal
+from tests.np_drake.logs.importing import autopilot_streams as autopilots
 
 
 def delayed(streams: dict[str, Stream], after: float, by: float) -> dict[str, Stream]:
@@ -18,7 +19,7 @@ def spans(found) -> list[float]:
     return [float(np.round(flight.t[-1], 2)) for flight in found.flights]
 
 
-def test_a_recorder_that_pauses_makes_two_flights(flown, autopilots, import_px4):
+def test_a_recorder_that_pauses_makes_two_flights(flown, import_px4):
     outputs = {"actuator_motors": autopilots.throttle(flown)}
     found = import_px4(outputs, change=lambda s: delayed(s, 4.0, 5.0))
     assert spans(found) == pytest.approx([3.0, 4.99], abs=0.02)
@@ -26,9 +27,7 @@ def test_a_recorder_that_pauses_makes_two_flights(flown, autopilots, import_px4)
     assert [flight.name for flight in found.flights] == ["log_part1", "log_part2"]
 
 
-def test_a_clock_that_is_set_back_in_a_sorted_file_makes_two_flights(
-    flown, autopilots, import_ardupilot
-):
+def test_a_clock_that_is_set_back_in_a_sorted_file_makes_two_flights(flown, import_ardupilot):
     pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
     found = import_ardupilot(pulses, change=lambda s: delayed(s, 5.0, -0.317))
     assert spans(found) == pytest.approx([3.683, 3.683], abs=0.05)
@@ -43,7 +42,7 @@ def shifted(stream: Stream, column: str, after: float, by: float) -> Stream:
 
 
 @pytest.mark.parametrize("counted", [True, False])
-def test_a_height_that_jumps_makes_two_flights(flown, autopilots, import_px4, counted):
+def test_a_height_that_jumps_makes_two_flights(flown, import_px4, counted):
     def reset(streams):
         place = shifted(streams["vehicle_local_position"], "z", 5.0, 0.8)
         if counted:

@@ -12,6 +12,7 @@ from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.log_file import read, write_log
 from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.importing.signals import Signal, coarse_tick, stopped_rotor, without_zeros
+from tests.np_drake.logs.importing import autopilot_streams as autopilots
 
 HOVER = 5000.0  # [rpm]
 
@@ -34,7 +35,7 @@ def turning(streams, after: float) -> dict[str, Stream]:
 
 
 @pytest.mark.parametrize("every", [1, 20])
-def test_the_flight_before_a_rotor_stops_is_a_flight(flown, autopilots, import_px4, every):
+def test_the_flight_before_a_rotor_stops_is_a_flight(flown, import_px4, every):
     told = speeds(flown, autopilots)
     told[flown.t >= 6.0, 2] = 0.0
     t = flown.t[::every] + 1.0
@@ -51,9 +52,7 @@ def test_the_flight_before_a_rotor_stops_is_a_flight(flown, autopilots, import_p
     assert "what comes after it is left out" in stops[0]
 
 
-def test_a_rotor_told_no_more_while_the_vehicle_flies_on_has_not_stopped(
-    fly, autopilots, import_px4
-):
+def test_a_rotor_told_no_more_while_the_vehicle_flies_on_has_not_stopped(fly, import_px4):
     calm = fly(seed=5, seconds=8.0, noise=1.0, vigour=0.5, attitude_noise=0.003)
     assert np.abs(calm.w).max() < 3.0
     told = speeds(calm, autopilots)
@@ -77,9 +76,7 @@ def test_rotors_that_stop_together_land_and_zeros_between_are_no_readings():
     assert stopped_rotor(Signal(t, own)) == (pytest.approx(2.19), 4)
 
 
-def test_clipping_that_a_log_counts_is_named_and_not_called_noise(
-    flown, autopilots, import_px4, tmp_path
-):
+def test_clipping_that_a_log_counts_is_named_and_not_called_noise(flown, import_px4, tmp_path):
     def clipped(streams):
         imu = streams["sensor_combined"]
         low = imu.columns["accelerometer_m_s2[2]"] < -9.0
@@ -102,7 +99,7 @@ def test_clipping_that_a_log_counts_is_named_and_not_called_noise(
 
 
 @pytest.mark.parametrize("counted, clips", [(30.0, False), (300.0, True)])
-def test_counters_of_clips_and_vibration_are_read(flown, autopilots, import_px4, counted, clips):
+def test_counters_of_clips_and_vibration_are_read(flown, import_px4, counted, clips):
     t = flown.t + 1.0
     counters = {f"accel_clipping[{i}]": 0.0 * t for i in range(3)}
     counters["accel_clipping[0]"] = np.linspace(7.0, 7.0 + counted, len(t))
@@ -115,7 +112,7 @@ def test_counters_of_clips_and_vibration_are_read(flown, autopilots, import_px4,
     )
 
 
-def test_events_of_a_log_are_said_with_their_times(flown, autopilots, import_px4):
+def test_events_of_a_log_are_said_with_their_times(flown, import_px4):
     t = flown.t + 1.0
     beside = {
         "battery_status": Stream(
@@ -132,7 +129,7 @@ def test_events_of_a_log_are_said_with_their_times(flown, autopilots, import_px4
     assert any("voltage: 801 readings of 0 V" in note for note in found.sheet.content["notes"])
 
 
-def test_errors_and_counters_of_ardupilot_are_read(flown, autopilots, import_ardupilot):
+def test_errors_and_counters_of_ardupilot_are_read(flown, import_ardupilot):
     t = flown.t + 1.0
     beside = {
         "ERR": Stream(
@@ -153,9 +150,7 @@ def test_errors_and_counters_of_ardupilot_are_read(flown, autopilots, import_ard
     assert any("shakes by more than 30 m/s2 (VIBE)" in line for line in found.said)
 
 
-def test_an_accelerometer_that_aliases_is_left_out_and_the_rest_flies(
-    flown, autopilots, import_px4
-):
+def test_an_accelerometer_that_aliases_is_left_out_and_the_rest_flies(flown, import_px4):
     def shaken(streams):
         imu = streams["sensor_combined"]
         noise = 8.0 * np.random.default_rng(1).standard_normal((3, len(imu.t)))
@@ -170,7 +165,7 @@ def test_an_accelerometer_that_aliases_is_left_out_and_the_rest_flies(
     np.testing.assert_allclose(dut.v, flown.v, atol=1e-6)
 
 
-def test_motors_are_those_that_lift_and_not_a_gimbal(flown, autopilots, import_px4):
+def test_motors_are_those_that_lift_and_not_a_gimbal(flown, import_px4):
     ours = autopilots.throttle(flown)
     gimbal = 1500.0 + 80.0 * np.sin(np.outer(flown.t, [1.0, 1.3, 1.7, 2.1]))
     functions = {f"PWM_AUX_FUNC{i + 1}": 101 + i for i in range(4)}
@@ -192,7 +187,7 @@ def test_motors_are_those_that_lift_and_not_a_gimbal(flown, autopilots, import_p
         ]
 
 
-def test_ticks_longer_than_the_samples_are_seen_by_their_repeats(flown, autopilots, import_px4):
+def test_ticks_longer_than_the_samples_are_seen_by_their_repeats(flown, import_px4):
     tick = 0.015625
     t = tick * np.floor(np.arange(800) * 0.01 / tick)
     repeats = int(np.sum(np.diff(t) == 0))

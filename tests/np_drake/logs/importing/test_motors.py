@@ -13,6 +13,8 @@ from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
+from tests.np_drake.logs.formats.made_files import writer
+from tests.np_drake.logs.importing import autopilot_streams as autopilots
 
 
 def noise(flown, columns: int) -> np.ndarray:
@@ -30,9 +32,7 @@ def opened(found, tmp_path, vehicle=None):
     return open_flights(path, vehicle or Vehicle())[0][0]
 
 
-def test_px4_motors_come_into_the_order_of_the_vehicle_file(
-    flown, autopilots, import_px4, tmp_path
-):
+def test_px4_motors_come_into_the_order_of_the_vehicle_file(flown, import_px4, tmp_path):
     ours = autopilots.throttle(flown)
     found = import_px4(
         {"actuator_motors": ours[:, autopilots.PX4_FROM_OURS]}, autopilots.PX4_CORNERS
@@ -46,7 +46,7 @@ def test_px4_motors_come_into_the_order_of_the_vehicle_file(
     assert read_sheet(tmp_path / "flight.csv").rotors == found.sheet.rotors
 
 
-def test_an_order_that_the_motion_contradicts_is_not_taken(flown, autopilots, import_px4, tmp_path):
+def test_an_order_that_the_motion_contradicts_is_not_taken(flown, import_px4, tmp_path):
     ours = autopilots.throttle(flown)
     dut = opened(import_px4({"actuator_motors": ours}, autopilots.PX4_CORNERS), tmp_path)
     np.testing.assert_allclose(dut.throttle, ours, atol=1e-9)
@@ -56,9 +56,7 @@ def test_an_order_that_the_motion_contradicts_is_not_taken(flown, autopilots, im
 
 
 @pytest.mark.parametrize("stream", ["actuator_outputs", "actuator_outputs.1"])
-def test_px4_outputs_are_motors_by_their_functions_and_limits(
-    flown, autopilots, import_px4, stream
-):
+def test_px4_outputs_are_motors_by_their_functions_and_limits(flown, import_px4, stream):
     ours = autopilots.throttle(flown)
     pulses = np.column_stack([noise(flown, 2), 1100.0 + 800.0 * ours])
     other = {"actuator_outputs": "actuator_outputs.1"}.get(stream, "actuator_outputs")
@@ -77,7 +75,7 @@ def test_px4_outputs_are_motors_by_their_functions_and_limits(
 
 
 @pytest.mark.parametrize("hover", [250.0, 1000.0])
-def test_dshot_counts_are_told_however_low_the_vehicle_hovers(flown, autopilots, import_px4, hover):
+def test_dshot_counts_are_told_however_low_the_vehicle_hovers(flown, import_px4, hover):
     ours = autopilots.throttle(flown)
     counts = hover * ours / np.median(ours)
     found = import_px4({"actuator_outputs": counts})
@@ -86,9 +84,7 @@ def test_dshot_counts_are_told_however_low_the_vehicle_hovers(flown, autopilots,
     assert found.sheet.content["columns"]["throttle"]["unit"] == "dshot"
 
 
-def test_outputs_of_a_hover_that_may_be_either_are_asked_for_by_name(
-    fly, autopilots, writer, tmp_path
-):
+def test_outputs_of_a_hover_that_may_be_either_are_asked_for_by_name(fly, tmp_path):
     pytest.importorskip("pyulog", reason="ULog needs pyulog")
     log = fly(seed=5, seconds=8.0, noise=1.0, vigour=0.02, attitude_noise=0.003)
     ours = autopilots.throttle(log)
@@ -109,9 +105,7 @@ def servos(outputs, first: int = 33) -> dict[str, float]:
     return {f"SERVO{n}_FUNCTION": float(first + k) for k, n in enumerate(outputs)}
 
 
-def test_ardupilot_motors_are_on_the_outputs_of_their_functions(
-    flown, autopilots, import_ardupilot, tmp_path
-):
+def test_ardupilot_motors_are_on_the_outputs_of_their_functions(flown, import_ardupilot, tmp_path):
     ours = autopilots.throttle(flown)
     theirs = 1050.0 + 900.0 * ours[:, autopilots.PX4_FROM_OURS]
     pulses = np.column_stack([noise(flown, 2), theirs[:, ::-1]])
@@ -124,7 +118,7 @@ def test_ardupilot_motors_are_on_the_outputs_of_their_functions(
 
 @pytest.mark.parametrize("kind, order", [(1, [1, 3, 0, 2]), (14, [1, 2, 3, 0])])
 def test_an_ardupilot_frame_states_where_its_motors_are(
-    flown, autopilots, import_ardupilot, tmp_path, kind, order
+    flown, import_ardupilot, tmp_path, kind, order
 ):
     ours = autopilots.throttle(flown)
     found = import_ardupilot(
@@ -143,9 +137,7 @@ def escs(speed: np.ndarray, t: np.ndarray) -> dict[str, Stream]:
 
 
 @pytest.mark.parametrize("kind", ["throttle", "rotor_speed"])
-def test_motors_seen_ten_times_a_second_tell_thrust_and_no_torque(
-    flown, autopilots, import_ardupilot, kind
-):
+def test_motors_seen_ten_times_a_second_tell_thrust_and_no_torque(flown, import_ardupilot, kind):
     ours = autopilots.throttle(flown)
 
     def slow(streams):

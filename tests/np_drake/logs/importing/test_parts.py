@@ -8,6 +8,7 @@ import pytest
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.parts import require_ranges, standing
+from tests.np_drake.logs.importing import autopilot_streams as autopilots
 
 T = 0.01 * np.arange(3000)
 
@@ -86,7 +87,7 @@ def tumbling(streams, at: float):
     return {name: wild(s, sizes[name]) if name in sizes else s for name, s in streams.items()}
 
 
-def test_a_log_that_ends_in_a_crash_is_imported_up_to_it(flown, autopilots, import_px4):
+def test_a_log_that_ends_in_a_crash_is_imported_up_to_it(flown, import_px4):
     found = import_px4(
         {"actuator_motors": autopilots.throttle(flown)}, change=lambda s: tumbling(s, 6.0)
     )
@@ -96,7 +97,7 @@ def test_a_log_that_ends_in_a_crash_is_imported_up_to_it(flown, autopilots, impo
     assert np.abs(dut.w).max() < 10.0
 
 
-def test_start_and_stop_of_a_call_count_from_the_log_s_own_start(flown, autopilots, import_px4):
+def test_start_and_stop_of_a_call_count_from_the_log_s_own_start(flown, import_px4):
     outputs = {"actuator_motors": autopilots.throttle(flown)}
     (dut,) = import_px4(outputs, start=1.5, stop=4.0).flights
     np.testing.assert_allclose(dut.p, flown.p[150:401], atol=1e-9)

@@ -9,6 +9,8 @@ from np_drake import attitude
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import load_map_file
+from tests.np_drake.logs.formats.made_files import writer
+from tests.np_drake.logs.importing import autopilot_streams as autopilots
 
 SINGLE = 1e-6  # resolution of a float32 of a few [m, m/s, 1, rad/s]
 DOUBLE = 1e-9
@@ -39,7 +41,7 @@ def specific(flight):
 
 
 @pytest.fixture(scope="module")
-def throttle(flight, autopilots):
+def throttle(flight):
     return autopilots.throttle(flight)
 
 
@@ -72,7 +74,7 @@ def assert_same(found, log, tolerance, *, clock=1e-6, command=True, acceleration
 XYZ = "xyz"
 
 
-def test_crazyflie(flight, specific, autopilots, writer, tmp_path):
+def test_crazyflie(flight, specific, tmp_path):
     estimate = autopilots.named(
         [
             *(f"stateEstimate.{a}" for a in XYZ),
@@ -91,7 +93,7 @@ def test_crazyflie(flight, specific, autopilots, writer, tmp_path):
     assert_same(imported(tmp_path / "log00"), flight, SINGLE)
 
 
-def test_ulog(flight, throttle, autopilots, writer, tmp_path):
+def test_ulog(flight, throttle, tmp_path):
     pytest.importorskip("pyulog", reason="ULog needs pyulog")
     streams = autopilots.px4(flight, {"actuator_motors": throttle})
     writer("ulog").write(tmp_path / "log.ulg", streams)
@@ -112,7 +114,7 @@ def vectors(**quantities):
 COUNT = 0.01  # of a centimetre in a second, the coarsest of its whole numbers
 
 
-def test_blackbox_of_indiflight(flight, specific, throttle, autopilots, writer, tmp_path):
+def test_blackbox_of_indiflight(flight, specific, throttle, tmp_path):
     columns = vectors(
         pos=1000 * autopilots.ned(flight.p),
         vel=100 * autopilots.ned(flight.v),
@@ -139,7 +141,7 @@ INDIFLIGHT = {
 
 
 @pytest.mark.parametrize("suffix", ["tsv", "parquet"])
-def test_a_table_in_ned_frd_by_its_map(flight, specific, autopilots, writer, tmp_path, suffix):
+def test_a_table_in_ned_frd_by_its_map(flight, specific, tmp_path, suffix):
     if suffix == "parquet":
         pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
     names = [
