@@ -25,6 +25,7 @@ COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the fi
     "voltage": ("voltage",),
     "commanded_rates": ("wx_cmd", "wy_cmd", "wz_cmd"),
     "balance": ("balance1", "balance2", "balance3", "balance4"),
+    "bridged": ("bridged",),
 }
 
 
@@ -130,6 +131,11 @@ class FlightLog:
         return np.concatenate([self.p, self.q, self.v, self.w], axis=1)
 
     @property
+    def in_gap(self) -> np.ndarray:
+        """Rows (n,) that a reader put into gaps."""
+        return np.zeros(len(self), bool) if self.bridged is None else self.bridged
+
+    @property
     def step(self) -> float:
         """Median sampling interval [s]."""
         return float(np.median(np.diff(self.t)))
@@ -169,7 +175,9 @@ class FlightLog:
         for field, names in COLUMNS.items():
             value = getattr(self, "throttle" if field == "throttles" else field)
             if value is not None and np.size(value) == len(self) * len(names):
-                found |= dict(zip(names, np.reshape(value, (len(self), len(names))).T, strict=True))
+                found |= dict(
+                    zip(names, np.reshape(value, (-1, len(names))).astype(float).T, strict=True)
+                )
         return found
 
     def to_dataframe(self) -> Any:

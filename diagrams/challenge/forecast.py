@@ -25,7 +25,7 @@ from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.flight_forecasts import MOTIONS, flight_forecasts
 from np_drake.residual_models.hold import Hold
-from np_drake.residual_models.linear_baselines import fit_dmdc, fit_force_ridge
+from np_drake.residual_models.linear_baselines import fit_force_ridge
 from np_drake.residual_models.motion_model import GP, MotionModel, fit_gaussian_process
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.training_data.segments import Segment, sampled_flight
@@ -36,7 +36,6 @@ PERSISTENCE = "persistence"
 STEP = 0.02  # between samples, over which labels are averaged [s]
 HORIZONS = (1, 5, 10, 20, 30, 40, 50)  # [steps]
 HISTORY = 30  # labels that every window holds, and before the first origin [steps]
-DELAYS = 10  # of delay DMDc [steps]
 KINDS = {"lateral force": slice(0, 2), "force": slice(0, 3), "torque": slice(3, 6)}  # of chi
 DRAWS = 2000  # of the flights, for the interval [1]
 
@@ -54,7 +53,6 @@ def _trained(name: str, flights: Sequence[Opened], **more: Any) -> NeuralPredict
 
 ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
     PERSISTENCE: lambda flights: Hold(step=STEP),
-    "delay DMDc": lambda flights: fit_dmdc(_segments(flights), delays=DELAYS),
     "ridge": lambda flights: fit_force_ridge(
         _segments(flights), span=STEP * HISTORY, horizon=STEP * HORIZONS[-1]
     ),

@@ -93,7 +93,7 @@ def import_logs(
                 for note in sheet["notes"]
                 if note in found.said or "left out" in note
             ]
-            gaps = sheet["gaps"].split(";")[0].replace(" inside gaps left out", "")
+            gaps = sheet["gaps"].split(";")[0].replace(" inside gaps bridged or left out", "")
             for log in found.flights:
                 timing = 1e3 * found.sheet.timing
                 rows.append((log.name, float(log.t[-1]), 1 / log.step, log.input, timing, gaps))

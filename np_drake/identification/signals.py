@@ -246,7 +246,7 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         source = _likely(source, unmixer, log.step)
     smooth = most_likely(w, white_noise([w]), log.step)
     products = smooth[:, :, None] * smooth[:, None, :]
-    bad = spikes if log.bridged is None else spikes | log.bridged
+    bad = spikes | log.in_gap
     # In which bins (m,) the rotors carry the vehicle, and not the ground.
     lift = source[edges[:-1]] ** (2 if drive == "rotor_speed" else 1)
     ratio = lift.mean(axis=1) / np.maximum(np.linalg.norm(force, axis=1), FLYING * G)

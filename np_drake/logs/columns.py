@@ -153,7 +153,9 @@ def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
     """Return the log in memory; fields that the file lacks are None, what is missing of u is
     NaN.
     """
-    arrays = {f: table.array(COLUMNS[f]) for f in fields if f not in ("throttles", "thrust")}
+    arrays = {
+        f: table.array(COLUMNS[f]) for f in fields if f not in ("throttles", "thrust", "bridged")
+    }
     t = table.columns["t"]
     arrays.setdefault("u", np.full((len(t), 4), np.nan))
     if "thrust" in fields:
@@ -206,8 +208,11 @@ def check_table(table: Table, fields: list[str]) -> None:
     Raises: LogError: at the first fault.
     """
     table.require_cells()
-    if len(table) < LEAST_ROWS:
-        raise table.error(f"must have at least {LEAST_ROWS} rows; got {len(table)}.")
+    count = np.sum(~_marked(table))
+    if count < LEAST_ROWS:
+        raise table.error(
+            f"must have at least {LEAST_ROWS} rows, `bridged` ones apart; got {count}."
+        )
     _check_finite(table, fields)
     _check_time(table)
     norms = np.linalg.norm(table.array(COLUMNS["q"]), axis=1)
@@ -291,7 +296,7 @@ def split_at_gaps(table: Table) -> tuple[list[Table], list[str]]:
 
 def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     """Return the table with rows at the median interval inside every gap, and which rows (n,) these
-    are.
+    are, and those that its writer had marked.
 
     Every column of the fields is interpolated linearly, but a command is held.
     """
@@ -299,7 +304,7 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     interval, step = np.diff(t), _usual(t)
     gaps = np.flatnonzero(interval > GAP * step)
     if not gaps.size:
-        return table, np.zeros(len(t), bool)
+        return table, _marked(table)
     fills = [np.linspace(t[k], t[k + 1], round(interval[k] / step) + 1)[1:-1] for k in gaps]
     where = np.repeat(gaps + 1, [len(fill) for fill in fills])
     bridged = np.insert(np.zeros(len(t), bool), where, True)
@@ -314,7 +319,12 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
             new[name][bridged] = held if field in HELD else drawn
     norm = np.where(bridged, np.linalg.norm([new[name] for name in COLUMNS["q"]], axis=0), 1.0)
     new |= {name: new[name] / norm for name in COLUMNS["q"]}
-    return table.with_columns(new), bridged
+    return table.with_columns(new), bridged | np.insert(_marked(table), where, True)
+
+
+def _marked(table: Table) -> np.ndarray:
+    """Return which rows (n,) their writer had put into gaps."""
+    return table.columns.get("bridged", np.zeros(len(table))) > 0
 
 
 def _usual(t: np.ndarray) -> float:
@@ -325,13 +335,12 @@ def said_of_bridged(logs: Sequence[FlightLog]) -> list[str]:
     """Return one line on the rows that readers put into short gaps of flights; none where there are
     none.
     """
-    counts = [int(log.bridged.sum()) for log in logs if log.bridged is not None]
+    counts = [int(log.in_gap.sum()) for log in logs]
     if not any(counts):
         return []
     share = sum(counts) / sum(map(len, logs))
     flights = f"{sum(map(bool, counts))} of {len(logs)} flights"
     return [
-        f"{sum(counts)} rows ({percent(share)}) in gaps of up to {LONGEST_GAP:g} s of "
-        f"{flights} were filled in; they do "
-        "not count in the answer, and below 10 % nothing needs to be done."
+        f"{sum(counts)} rows ({percent(share)}) in gaps of {flights} were filled in; they do not "
+        "count in the answer, and below 10 % nothing needs to be done."
     ]

@@ -440,9 +440,7 @@ def labelled_rows(
 def _usable(log: FlightLog) -> FlightLog:
     """Return the log with accelerations, and without commands in bridged gaps."""
     log = with_accelerations(log)
-    if log.bridged is not None:
-        log = dc.replace(log, u=np.where(log.bridged[:, None], np.nan, log.u))
-    return log
+    return dc.replace(log, u=np.where(log.in_gap[:, None], np.nan, log.u))
 
 
 def _pieces(chi: np.ndarray, zeta: np.ndarray, target: np.ndarray, step: float) -> list[Segment]:

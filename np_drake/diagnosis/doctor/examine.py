@@ -156,7 +156,7 @@ def explain(
     step = flights[0].grid.step
     _, residual = _fitted(flights, nuisance, traces, scale_only([e.y for e in flights], step))
     flights = [
-        dc.replace(e, outliers=find_outliers(r, step))
+        dc.replace(e, outliers=e.outliers | find_outliers(r, step))
         for e, r in zip(flights, residual, strict=True)
     ]
     channels = [e.bridged(e.y) for e in flights]

@@ -372,7 +372,7 @@ def make_flight_residuals(
         still,
         noise,
         turned,
-        rest,
+        rest | (np.interp(grid.t, log.t, log.in_gap) > 0),
         none,
         knows_torque=knows_torque,
     )

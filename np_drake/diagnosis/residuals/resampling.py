@@ -184,13 +184,13 @@ def _short(found: np.ndarray, longest: int) -> np.ndarray:
 
 def bridge(values: np.ndarray, outliers: np.ndarray) -> np.ndarray:
     """Return values (m, ...) with the rows of `outliers` (m,) interpolated linearly between their
-    neighbours.
+    neighbours; as they are where all are outliers.
 
     Args:
         values: (m, ...) channels or columns.
         outliers: (m,) bool, rows to interpolate.
     """
-    if not outliers.any():
+    if not outliers.any() or outliers.all():
         return values
     good, bad = np.flatnonzero(~outliers), np.flatnonzero(outliers)
     after = np.searchsorted(good, bad)

@@ -168,8 +168,6 @@ def _measured_pieces(log: FlightLog) -> list[np.ndarray]:
     """Return thrust and torques without the rows that a reader put into gaps, which are smooth, in
     pieces [N, N·m].
     """
-    if log.bridged is None:
-        return [log.u]
-    edges = np.concatenate([[-1], np.flatnonzero(log.bridged), [len(log)]])
+    edges = np.concatenate([[-1], np.flatnonzero(log.in_gap), [len(log)]])
     pieces = [log.u[a + 1 : b] for a, b in itertools.pairwise(edges) if b - a > LEAST_ROWS]
     return pieces or [log.u]

@@ -19,6 +19,7 @@ COMMANDS = ("thrust", "torque", "throttle")
 SMOOTH = (
     0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
 )
+USUAL = 99.0  # percentile of the changes of slope that a line still bridges [1]; own choice
 
 G = np.array([0.0, 0.0, GRAVITY])
 
@@ -29,12 +30,14 @@ class Aligned:
 
     filled: (n,) bool, rows that lie within a gap of a signal.
     notes: what was derived, one line each.
+    torn: (n,) bool, of these, rows within a gap that no line bridges.
     """
 
     t: np.ndarray
     values: dict[str, np.ndarray]
     filled: np.ndarray
     notes: tuple[str, ...]
+    torn: np.ndarray
 
 
 def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
@@ -84,12 +87,31 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
         for name in COMMANDS
         if name in signals
     }
-    filled = np.zeros(len(t), bool)
-    for own in (s for name, s in signals.items() if name in (*STATE, *COMMANDS, "rotor_speed")):
+    # A position is a cubic that has its velocities: a line bridges it where it bridges these.
+    x["position"] = Signal(p.t, v.linear(p.t))
+    filled, torn = np.zeros((2, len(t)), bool)
+    for own in (x[name] for name in (*STATE, *COMMANDS, "rotor_speed") if name in signals):
+        is_torn = _is_torn(own)
         for k in np.flatnonzero(np.diff(own.t) > GAP * own.step):
             after = np.searchsorted(t, own.t[k], side="right")
-            filled[after : np.searchsorted(t, own.t[k + 1])] = True
-    return Aligned(t, out, filled, tuple(notes))
+            inside = slice(after, np.searchsorted(t, own.t[k + 1]))
+            filled[inside] = True
+            torn[inside] |= is_torn[k]
+    return Aligned(t, out, filled, tuple(notes), torn)
+
+
+def _is_torn(own: Signal) -> np.ndarray:
+    """Return over which intervals (n - 1,) a line may miss more than over `GAP` usual ones in
+    nearly all of the flight.
+
+    It misses an eighth of the interval times the change of slope, as of a parabola. What a line
+    bridges thus follows from the rate of a signal and from the motion around the interval.
+    """
+    interval = np.diff(own.t)
+    slope = np.diff(own.values, axis=0) / interval[:, None]
+    bend = np.pad(np.linalg.norm(np.diff(slope, axis=0), axis=1), 1)
+    missed = interval * (bend[:-1] + bend[1:])
+    return missed > GAP**2 * own.step * np.percentile(bend[1:-1], USUAL)
 
 
 def in_frames(signals: Signals, log_map: LogMap, notes: list[str]) -> dict[str, Signal]:

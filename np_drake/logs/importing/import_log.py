@@ -254,7 +254,7 @@ def _conventions_text(verdict: Verdict) -> str:
 
 def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
     filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
-    text = f"{filled} rows inside gaps left out" if filled else "none"
+    text = f"{filled} rows inside gaps bridged or left out" if filled else "none"
     return text + (f"; split into {len(flights)} parts" if len(flights) > 1 else "")
 
 

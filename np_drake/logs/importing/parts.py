@@ -27,7 +27,7 @@ from np_drake.logs.importing.conventions import (
     fitting_stretch,
     judged,
 )
-from np_drake.logs.importing.laws import FASTEST_ROTOR, OPPOSED, WINDOW, stretches
+from np_drake.logs.importing.laws import FASTEST_ROTOR, WINDOW, stretches
 from np_drake.logs.importing.log_map import GRAVITY, UNITS, LogMap, convert_quantity
 from np_drake.logs.importing.signals import FASTER, Signals, clock_of, is_slow
 
@@ -239,16 +239,28 @@ def _with_collective(aligned: Aligned, signals: Signals, log_map: LogMap) -> Ali
 
 
 def _flights(aligned: Aligned, ground: np.ndarray, log_map: LogMap) -> list[FlightLog]:
-    """Return the flights, split at long gaps; rows in gaps and on the `ground` are left out."""
-    chosen = np.flatnonzero(~aligned.filled & ~ground)
-    breaks = np.flatnonzero(np.diff(aligned.t[chosen]) > LONGEST_GAP + 1e-9) + 1
+    """Return the flights, split on the `ground` and at long gaps that no line bridges.
+
+    Rows in gaps are left out; in a long gap that a line bridges they stay, with a mark.
+    """
+    t, chosen = aligned.t, np.flatnonzero(~aligned.filled & ~ground)
+    breaks = np.flatnonzero(np.diff(t[chosen]) > LONGEST_GAP + 1e-9) + 1
     parts = [part for part in np.split(chosen, breaks) if len(part) >= LEAST_ROWS]
-    return [_flight(aligned, part, log_map) for part in parts]
+    flights = parts[:1]
+    for part in parts[1:]:
+        between = np.arange(flights[-1][-1], part[0] + 1)
+        holes = np.diff(t[between]) > LONGEST_GAP + 1e-9
+        if holes.any() or (aligned.torn | ground)[between].any():
+            flights.append(part)
+        else:
+            flights[-1] = np.concatenate([flights[-1], between[1:-1], part])
+    return [_flight(aligned, rows, log_map) for rows in flights]
 
 
 def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
     x = {key: value[rows] for key, value in aligned.values.items()}
     t = aligned.t[rows]
+    bridged = aligned.filled[rows]
     u, throttle, kind = np.full((len(t), 4), np.nan), x.get("throttle"), "normalised"
     if "thrust" in x and log_map.thrust.unit == "weight":
         throttle = x["thrust"]
@@ -275,6 +287,7 @@ def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
         voltage=x["voltage"][:, 0] if "voltage" in x else None,
         commanded_rates=x.get("commanded_rates"),
         balance=x.get("balance"),
+        bridged=bridged if bridged.any() else None,
         input=kind,
     )
 
@@ -366,26 +379,12 @@ def _fitting(
         part, _ = within(signals, start, stop)
         own = judged(part, log_map, path)
         kinds, tested = ({law.split()[0] for law in laws} for laws in (verdict.failed, own.misfits))
-        brief = stop - start < 0.5 * np.ptp(clock_of(signals).t) and _shakes(verdict)
-        if not own.failed and kinds <= tested and not brief:
+        if not own.failed and kinds <= tested:
             since = f"from {start - origin:.1f} " if start > clock_of(signals).t[0] + WINDOW else ""
             whole = ", ".join(verdict.failed[:3]) or "its quantities"
             said = [
                 f"{FITS}{since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"
             ]
             signals, verdict = part, own
-    if _shakes(verdict) and "velocity" in signals:
-        signals = {n: own for n, own in signals.items() if n != "acceleration"}
-        verdict = judged(signals, log_map, path)
-        said.append("acceleration agrees with velocity on no axis, as where it shakes; left out")
     log_map, verdict = agreed(verdict, signals, log_map, path, adopt=adopt)
     return log_map, (signals, log_map, verdict), said
-
-
-def _shakes(verdict: Verdict) -> bool:
-    """Return whether all that fails is an acceleration that tells nothing, in whatever convention:
-    of vibrations that are sampled too slowly. Another force may act beside.
-    """
-    wrong = [verdict.misfits[law] for law in verdict.failed if not law.startswith("lift")]
-    kinds = {law.split()[0] for law in verdict.failed} - {"lift"}
-    return kinds == {"velocity"} and max(wrong) < OPPOSED and not verdict.changes

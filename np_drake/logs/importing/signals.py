@@ -434,31 +434,34 @@ def usable_inputs(signals: Signals, log_map: LogMap) -> tuple[dict[str, Signal],
     """Return the signals without inputs slower than the motion that they should explain, and a line
     on each.
 
-    Rotor speed or torque below `SLOWEST_ROTORS` is left out where something else tells thrust. A
-    throttle of each motor, and rotor speed alone, become their collective.
+    Rotor speed or torque below `SLOWEST_ROTORS` is left out where something else tells thrust, and
+    an acceleration, in which vibrations alias, where velocity tells it. A throttle of each motor,
+    and rotor speed alone, become their collective.
     """
     out, said = dict(signals), []
     lifting = [name for name in ("thrust", "throttle", "rotor_speed") if name in out]
-    for name in ("rotor_speed", "torque", "throttle"):
-        if (
-            name not in out
-            or out[name].values.shape[1] == 1
-            or not is_slow(name, out[name], log_map)
-        ):
-            continue
+    replaced = {
+        "acceleration": {"attitude", "velocity"} <= out.keys(),
+        "rotor_speed": len(lifting) > 1,
+        "torque": True,
+        "throttle": False,
+    }
+    for name in (n for n in replaced if n in out and is_slow(n, out[n], log_map)):
         slow = f"{name} at {1 / out[name].renewal:.3g} Hz is slower than what turns the vehicle"
-        if name == "torque" or (name == "rotor_speed" and len(lifting) > 1):
+        if replaced[name]:
             del out[name]
             said.append(f"{slow}; left out")
-        else:
+        elif name in lifting:
             said.append(f"{slow}: its collective thrust alone is taken, and torque is not told")
     return out, said
 
 
 def is_slow(name: str, own: Signal, log_map: LogMap) -> bool:
-    """Return whether an input is slower than what turns the vehicle, and not known between its
-    rows.
+    """Return whether an input of several columns is slower than what turns the vehicle, and not
+    known between its rows.
     """
-    return 1 / own.renewal < SLOWEST_ROTORS and (
-        name == "rotor_speed" or log_map.command not in HELD
+    return (
+        own.values.shape[1] > 1
+        and 1 / own.renewal < SLOWEST_ROTORS
+        and (name == "rotor_speed" or log_map.command not in HELD)
     )

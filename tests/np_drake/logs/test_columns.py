@@ -86,7 +86,11 @@ FAULTS = {  # spoil the columns: (how, what the message must say)
     "thrust downwards": (scale("thrust", -1), r"column thrust: .*upwards.*Turn the sign of thrust"),
     "gravity left in": (lambda c: c["az"].__iadd__(9.81), r"column az: .*without gravity"),
     "grams": (scale("thrust", 102.0), r"column thrust: .*weight of vehicle 'paper'"),
-    "too short": (cut(8), r"made\.csv: must have at least 20 rows; got 8"),
+    "too short": (cut(8), r"made\.csv: must have at least 20 rows, .* apart; got 8"),
+    "all in gaps": (
+        lambda c: c.update(bridged=np.ones(len(c["t"]))),
+        r"made\.csv: must have at least 20 rows, `bridged` ones apart; got 0",
+    ),
     "no row": (cut(0), r"made\.csv: must hold rows; it has a header and no rows\. Export"),
 }
 
@@ -178,8 +182,7 @@ def test_three_lost_rows_are_bridged_marked_and_said_once(tmp_path):
     assert said_of_bridged([whole]) == []
     (line,) = said_of_bridged([dut, whole, dut])
     assert line.startswith(
-        "6 rows (0.3\u00a0%) in gaps of up to 0.1 s of 2 of 3 flights were filled in; they "
-        "do not count"
+        "6 rows (0.3\u00a0%) in gaps of 2 of 3 flights were filled in; they do not count"
     )
 
 

@@ -1,55 +1,11 @@
-"""Laws of the baselines that are fitted in closed form."""
+"""Laws of the baseline that is fitted in closed form."""
 
 import numpy as np
 import pytest
 
 from np_drake.residual_model import Sample
-from np_drake.residual_models.flight_forecasts import model_predictions
-from np_drake.residual_models.linear_baselines import GROUPS, fit_dmdc, fit_force_ridge
+from np_drake.residual_models.linear_baselines import GROUPS, fit_force_ridge
 from np_drake.training_data.segments import Segment
-
-STEP = 0.01
-A = 0.9 * np.linalg.qr(np.random.default_rng(0).standard_normal((6, 6)))[0]
-B = 0.1 * np.random.default_rng(1).standard_normal((6, 6))
-A2 = -0.3 * np.eye(6)
-
-
-def flight(seed: int, *, delayed: bool = False, n: int = 500) -> Segment:
-    """chi+ = A chi + B zeta, with delays 0.5 A chi + A2 chi_(k-1) + B zeta_(k-1) in its place."""
-    generator = np.random.default_rng(seed)
-    chi, zeta = generator.standard_normal((n, 6)), generator.standard_normal((n, 6))
-    for k in range(1, n - 1):
-        chi[k + 1] = (0.5 if delayed else 1.0) * A @ chi[k] + B @ zeta[k]
-        if delayed:
-            chi[k + 1] += A2 @ chi[k - 1] + B @ zeta[k - 1]
-    return Segment(chi, zeta, STEP)
-
-
-def test_dmdc_finds_the_system_that_made_the_data():
-    dut = fit_dmdc([flight(0), flight(1)])
-    # The first sample of each flight fits nothing
-    np.testing.assert_allclose(dut.system.A, A, atol=0.02)
-    np.testing.assert_allclose(dut.system.B, B, atol=0.02)
-
-
-def test_with_delays_a_longer_memory_is_found():
-    unseen, origins = flight(5, delayed=True), np.arange(20, 400)
-    for delays, small in ((1, False), (3, True)):
-        dut = fit_dmdc([flight(3, delayed=True)], delays=delays)
-        chi_hat = model_predictions(dut, unseen.chi, unseen.zeta, origins, [1, 5], zeta_known=True)
-        error = np.abs(chi_hat - unseen.chi[origins[:, None] + [1, 5]]).max()
-        assert (error < 0.1) == small
-
-
-def test_the_label_is_held_until_the_window_is_full_or_while_missing():
-    dut = fit_dmdc([flight(0)], delays=10)
-    memory, x = dut.initial_memory(), np.zeros(13)
-    for chi in (np.ones(6), np.full(6, np.nan)):
-        memory = dut.update(memory, Sample(x, np.zeros(4), chi))
-    np.testing.assert_array_equal(memory["window"][-1, :6], 1.0)
-    held = dut.forecast(memory, horizon=3, stride=1).rollout(np.zeros((3, 6)))
-    np.testing.assert_array_equal(held, 1.0)
-
 
 UNITS = 10.0 ** np.linspace(-3, 3, 12)
 
@@ -62,6 +18,16 @@ def swinging(seed, n=300):
     phases, sizes = draw.uniform(0, 2 * np.pi, (2, 12, 1)), draw.uniform(0.5, 1.5, (2, 12, 1))
     samples = sizes[0] * np.sin(4.4 * t + phases[0]) + sizes[1] * np.sin(9.0 * t + phases[1]) + 0.3
     return Segment(*np.split(UNITS * samples.T, 2, axis=1), 0.02)
+
+
+def test_the_label_is_held_until_the_window_is_full_or_while_missing():
+    dut = fit_force_ridge([swinging(0)], span=0.2, horizon=0.4)
+    memory, x = dut.initial_memory(), np.zeros(13)
+    for chi in (np.ones(6), np.full(6, np.nan)):
+        memory = dut.update(memory, Sample(x, np.zeros(4), chi))
+    np.testing.assert_array_equal(memory["window"][-1, :6], 1.0)
+    held = dut.forecast(memory, horizon=3, stride=1).rollout(np.zeros((3, 6)))
+    np.testing.assert_array_equal(held, 1.0)
 
 
 def test_the_force_ridge_forecasts_an_oscillation_by_groups_of_channels():

@@ -45,6 +45,14 @@ def test_each_acceleration_meets_the_command_of_its_own_row():
         assert np.std(y[:, 2]) > 0.5  # [N]
 
 
+def test_rows_that_were_put_into_a_gap_do_not_count():
+    log = shaken()
+    assert not make_flight_residuals(log, VEHICLE).outliers.any()
+    lost = (log.t > 2.995) & (log.t < 3.405)
+    dut = make_flight_residuals(dc.replace(log, bridged=lost), VEHICLE)
+    np.testing.assert_array_equal(dut.outliers, (dut.t > 2.985) & (dut.t < 3.415))
+
+
 @pytest.fixture
 def between():
     """Return (vehicle, log) of rotors with lag, whose thrust changes from row to row and between

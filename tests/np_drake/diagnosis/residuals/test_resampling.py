@@ -107,3 +107,4 @@ def test_a_bridge_is_linear_and_leaves_straight_lines_and_all_else(rows, a, b):
     inside[[0, -1]] = False
     line = np.arange(40.0)
     np.testing.assert_allclose(bridge(line, inside), line, atol=1e-9)
+    np.testing.assert_array_equal(bridge(x, np.ones(40, bool)), x)

@@ -1,4 +1,4 @@
-"""Laws of DMDc and of the ridge for every horizon."""
+"""Laws of the ridge for every horizon."""
 
 import numpy as np
 import pytest

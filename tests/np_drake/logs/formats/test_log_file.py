@@ -22,12 +22,14 @@ ARRAYS = ("t", "p", "q", "v", "w", "u", "a", "al", "rotor")
 def test_what_was_written_is_read_back(flight, tmp_path, suffix):
     if suffix == ".parquet":
         pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
+    flight = dc.replace(flight, bridged=(flight.t > 2.0) & (flight.t < 2.3))
     write_log(flight, tmp_path / f"made{suffix}")
     dut = open_flights(tmp_path / f"made{suffix}", Vehicle())[0][0]
     for name in ARRAYS:
         np.testing.assert_allclose(
             getattr(dut, name), getattr(flight, name), rtol=0, atol=1e-15
         )  # one norm
+    np.testing.assert_array_equal(dut.bridged, flight.bridged)
     assert (dut.name, dut.input, dut.notes) == ("made", "command", [])
 
 

@@ -161,7 +161,7 @@ def test_an_accelerometer_that_aliases_is_left_out_and_the_rest_flies(flown, imp
     found = import_px4({"actuator_motors": autopilots.throttle(flown)}, change=shaken)
     (dut,) = found.flights
     assert dut.a is None
-    assert any("acceleration agrees with velocity on no axis" in line for line in found.said)
+    assert any(line.startswith("acceleration at 10 Hz is slower") for line in found.said)
     np.testing.assert_allclose(dut.v, flown.v, atol=1e-6)
 
 

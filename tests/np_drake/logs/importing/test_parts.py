@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.importing.conventions import Verdict
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.importing.parts import require_ranges, standing
+from np_drake.logs.importing.parts import import_part, require_ranges, standing
+from np_drake.logs.importing.signals import Signal
 from tests.np_drake.logs.importing import autopilot_streams as autopilots
 
 T = 0.01 * np.arange(3000)
@@ -103,3 +105,37 @@ def test_start_and_stop_of_a_call_count_from_the_log_s_own_start(flown, import_p
     np.testing.assert_allclose(dut.p, flown.p[150:401], atol=1e-9)
     with pytest.raises(LogError, match="start and stop must leave samples; position has 0 in them"):
         import_px4(outputs, start=50.0)
+
+
+SIZES = {"position": 3, "velocity": 3, "attitude": 4, "rates": 3, "thrust": 1}
+
+
+def calm_then_turning(lost: float) -> dict[str, Signal]:
+    """Return signals of 20 s, a turn from 10 s on; position and velocity come at 10 Hz and lack
+    those of 0.3 s.
+    """
+    fast, slow = 0.003 + 0.01 * np.arange(2000), 0.1 * np.arange(200)
+    slow = slow[(slow < lost) | (slow > lost + 0.3)]
+    turn = 2.0 * np.clip(slow - 10.0, 0.0, None)
+    v = 0.1 * np.cos(2 * slow) + 2 * np.sin(turn)
+    p = 0.05 * np.sin(2 * slow) + 1 - np.cos(turn)
+    values = {
+        "position": np.stack([p, 0 * slow, 0 * slow + 1], axis=1),
+        "velocity": np.stack([v, 0 * slow, 0 * slow], axis=1),
+        "attitude": np.tile([1.0, 0, 0, 0], (2000, 1)),
+        "rates": np.zeros((2000, 3)),
+        "thrust": np.full((2000, 1), 20.0),
+    }
+    return {name: Signal(slow if len(x) < 2000 else fast, x) for name, x in values.items()}
+
+
+@pytest.mark.parametrize(("lost", "flights"), [(4.05, 1), (14.05, 2)])
+def test_a_long_gap_that_a_line_bridges_is_marked_in_one_flight(lost, flights):
+    log_map = LogMap(**{name: Source([name] * size) for name, size in SIZES.items()})
+    dut = import_part(calm_then_turning(lost), log_map, Verdict({}, ()), "log").flights
+    assert len(dut) == flights
+    for log in dut:
+        t = log.start + log.t
+        inside = (t > lost - 0.05) & (t < lost + 0.35)
+        assert inside.sum() == (40 if flights == 1 else 0)
+        np.testing.assert_array_equal(log.in_gap, inside)
