@@ -37,10 +37,10 @@ def cases(logs, tmp_path, monkeypatch, in_this_process):
 def test_cases_are_solved_and_failures_said(cases, tmp_path, capsys):
     out, metrics = tmp_path / "answers", tmp_path / "m.json"
     assert run(["challenge", "solve", str(cases), "--out", str(out), "--json", str(metrics)]) == 0
-    printed = capsys.readouterr().out
+    printed = " ".join(capsys.readouterr().out.split())  # wherever its lines were wrapped
     assert "1 solved" in printed
     assert "1 failed" in printed
-    assert [line for line in printed.splitlines() if line.startswith("bad: ")]
+    assert "bad: " in printed
     written = json.loads(metrics.read_text())
     assert written["schema"] == "np_drake.challenge_solve/1"
     assert [row["case"] for row in written["failed"]] == ["bad"]
