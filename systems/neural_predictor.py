@@ -9,8 +9,7 @@ from systems.residual_predictor import ResidualPredictor
 
 
 class NeuralPredictor(ResidualPredictor):
-    """Neural Predictor in the loop, z = Phi(chi) or E window, z+ = A z + B zeta, chi_hat = C z, for
-    any configuration.
+    """Neural Predictor in the loop, z+ = A z + B zeta, chi_hat = C z, for any configuration.
 
     .. pydrake_system::
 
@@ -34,11 +33,11 @@ class NeuralPredictor(ResidualPredictor):
     | chi_hat | 6 | the forecast's first wrench, `delay` later, as of the last event | N, N·m |
     | lifted_linear_system | LiftedLinearSystem | A, B, C at the predictor's own step, as of the last event | |
 
-    State: a discrete group each for z, window, lowpass and count, whose indices are public, as in
+    State: a discrete group each for z and window, whose indices are public, as in
     `context.get_discrete_state(predictor.z_index).value()`; likewise, sorted by name, what else the
-    model keeps (see its class): counters, A, B and rows of a refit, the groups of a trust; then
-    chi_hat (6). Event: periodic, every `model.step`. Before the window is full, on NaN and on
-    dropped samples: see the model.
+    model keeps (see its class): low-pass and count, A, B and rows of a refit; then chi_hat (6).
+    Event: periodic, every `model.step`. Before the window is full, on NaN and on dropped samples:
+    see the model.
 
     Args:
         model: of any configuration.
@@ -64,10 +63,6 @@ class NeuralPredictor(ResidualPredictor):
         self.window_index = self._declare_group(
             "window", initial
         )  # (W, 12) last [chi, zeta], oldest first
-        self.lowpass_index = self._declare_group("lowpass", initial)  # (6,) of the labels [N, N·m]
-        self.count_index = self._declare_group(
-            "count", initial
-        )  # samples in the window, up to W [1]
         super()._declare_memory(initial)
 
     def _calc_system(self, context, output) -> None:

@@ -21,9 +21,17 @@ DIAGNOSIS = (
 GROUND = (
     *("lazy_names", "attitude", "compiled", "checks", "files", "metrics", "vehicle"),
     *("flight_log", "rigid_body", "rotor_input", "residual_model", "command_delay", "labels"),
-    *("training_data", "identification", "effects", "logs", "references", "diagnosis"),
+    *(
+        "trained_model",
+        "training_data",
+        "identification",
+        "effects",
+        "logs",
+        "references",
+        "diagnosis",
+    ),
     *("mpc", "control", "autopilot"),
-    *("lifting", "payload_filter", "residual_models", "skill", "__main__"),
+    *("payload_filter", "lifting", "residual_models", "skill", "__main__"),
 )
 EXPERIMENTS = (
     *("batch", "loop"),

@@ -14,12 +14,13 @@ from typer import Option
 from diagrams.batch.run import Report, Run, every_result, require
 from diagrams.challenge.real import block_name, campaign_of, numbered_blocks
 from diagrams.challenge.score_tables import table
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.studies.options import REAL_FLIGHTS, RealFlights, chosen, required
 from np_drake.flight_log import FlightLog
 from np_drake.labels import ReadsLabels
-from np_drake.lifting.model.lifted_model import LIFTED, PAPER
+from np_drake.lifting.model.lifted_model import PAPER
 from np_drake.lifting.training.train import make_config, train
-from np_drake.payload_filter.model_file import PAYLOAD_FILTER
+from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_model import ResidualModel
@@ -45,10 +46,16 @@ def _segments(flights: Sequence[Opened]) -> list[Segment]:
     return [sampled_flight(log, vehicle, step=STEP).segment for log, vehicle in flights]
 
 
-def _trained(name: str, flights: Sequence[Opened], **more: Any) -> NeuralPredictor:
-    """Return a lifted system with its usual settings, but for some."""
-    model = train(_segments(flights), make_config(name, **more)).model
+def _paper(flights: Sequence[Opened]) -> NeuralPredictor:
+    """Return the predictor of the paper with its usual settings, but for the window."""
+    model = train(_segments(flights), make_config(PAPER, window=HISTORY)).model
     return NeuralPredictor(model, torque="predict")
+
+
+def _learned(flights: Sequence[Opened]) -> PayloadFilter:
+    """Return the packaged learned bank on the vehicle of these flights."""
+    prior = PayloadFilterModel.load(NP_MODEL)
+    return PayloadFilter(train_payload_filter(flights, step=STEP, prior=prior))
 
 
 ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
@@ -57,10 +64,8 @@ ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
         _segments(flights), span=STEP * HISTORY, horizon=STEP * HORIZONS[-1]
     ),
     GP: lambda flights: MotionModel(GP, fit_gaussian_process(_segments(flights)), STEP),
-    PAPER: lambda flights: _trained(PAPER, flights, window=HISTORY),
-    LIFTED: lambda flights: _trained(
-        LIFTED, flights, torque=True, delay=HISTORY, horizon=HORIZONS[-1]
-    ),
+    PAPER: _paper,
+    LEARNED_BANK: _learned,
     PAYLOAD_FILTER: lambda flights: PayloadFilter(train_payload_filter(flights, step=STEP)),
 }
 

@@ -54,7 +54,7 @@ def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
             "meeting": result.meeting(),
             "wall": wall,
         },
-        lines=[f"trained on {trained['samples']} points: {trained['excitation']}"],
+        lines=[f"trained on {trained['samples']} samples"],
         write=write,
     )
 

@@ -57,6 +57,13 @@ STUDIES = {
     "tracking": Study("studies.tracking", "Every controller on circle and lemniscate."),
     "hover": Study("studies.tracking", "Hover while the payload swings.", function="hover"),
     "attach": Study("studies.tracking", "100 g more are hung on in flight.", function="attach"),
+    "changes": Study(
+        "studies.drawn",
+        "Drawn flights with a payload hung on or cut off.",
+        9000,
+        function="changes",
+    ),
+    "beyond": Study("studies.drawn", "Drawn flights beyond a pendulum.", 9100, function="beyond"),
     "robustness": Study(
         "studies.robustness", "Payload, tether, speed, air, noise, lag, delay, battery."
     ),

@@ -1,4 +1,4 @@
-"""`np-drake train`: Algorithm 1 on flight logs. `np-drake evaluate`: prediction skill against the
+"""`np-drake train`: a predictor from flight logs. `np-drake evaluate`: prediction skill against the
 horizon, naive rows included.
 """
 
@@ -32,29 +32,26 @@ from diagrams.studies.options import tabulate
 from np_drake.files.figure_file import new_figure, save
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import (
-    BY_AXES,
-    FAMILIES,
-    LIFTED,
-    MODE_DICTIONARY,
-    NEURAL,
-    PAPER,
-    load_model,
-    rotor_lag_of,
-    save_model,
-    schema_of,
-)
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, load_model, save_model
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
-from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMA, PayloadFilterModel
+from np_drake.payload_filter.model_file import (
+    LEARNED_BANK,
+    PAYLOAD_FILTER,
+    SCHEMA,
+    PayloadFilterModel,
+)
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
 from np_drake.residual_models.motion_model import KNODE, REACTIONS
 from np_drake.skill.skill import Model, diverged, flight_stability, label_distances, score_flights
+from np_drake.trained_model import rotor_lag_of, schema_of
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.segments import Flight, WrenchSequence, require_motion, require_torque
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.scaling import sampling_period
 
+# Configuration of logs, and of arrays of real flights
+BY_AXES = {"world": LEARNED_BANK, "body": MODE_DICTIONARY}
 SCENARIOS = (".yaml", ".yml")  # files that are flown
 T = TypeVar("T")
 Epochs = Annotated[
@@ -86,8 +83,8 @@ def train(
         str | None,
         Option(
             metavar="NAME",
-            help="neural | lifted (world axes) | mode-dictionary (body axes) | paper, of np; "
-            "payload_filter; gp | knode. Default: the first that suits the axes.",
+            help="learned | paper | mode-dictionary (body axes), of np; payload_filter; gp | "
+            "knode. Default: learned for logs, mode-dictionary for arrays.",
         ),
     ] = None,
     epochs: Epochs = None,
@@ -95,9 +92,9 @@ def train(
         int | None,
         Option(
             metavar="N",
-            min=0,
+            min=1,
             max=10_000,
-            help="Fly N simulated payloads and learn from them too; 0: the logs alone.",
+            help="Fly N simulated payloads and learn the priors of learned from them.",
         ),
     ] = None,
     step: Step = None,
@@ -108,12 +105,11 @@ def train(
     require(out.suffix == ".safetensors", f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
     require_outputs(out, curve, *([run.json] if run.json else []))
-    known = (LIFTED, PAPER, NEURAL, MODE_DICTIONARY, PAYLOAD_FILTER, *REACTIONS)
+    known = (LEARNED_BANK, PAPER, MODE_DICTIONARY, PAYLOAD_FILTER, *REACTIONS)
     require(
         configuration in (None, *known),
         f"--configuration: must be one of {', '.join(known)}; got {configuration}.",
     )
-    name = configuration or ""
     logs = logs or []
     require(
         bool(logs or envelope),
@@ -122,134 +118,144 @@ def train(
     flights = open_flights(logs, vehicle)
     if not force:
         require_motion(flights)
-    from diagrams.studies import learning  # with torch: what is refused is so before it is loaded
-    from np_drake.lifting.training.train import TrainingResult, make_config
-    from np_drake.residual_models.predictor_training import train_motion_model, train_on_flights
-
+    frame = flights[0].frame if flights else "world"
+    name = configuration or BY_AXES[frame]
+    if configuration is None:
+        say(f"configuration: {name}, as the wrenches are in {frame} axes.")
+    require(
+        name == LEARNED_BANK or not envelope, f"--envelope: must be of {LEARNED_BANK}; got {name}."
+    )
     flown = flights[0].vehicle if flights else load_vehicle(vehicle) if vehicle else Vehicle()
     step = step or sampling_period(flown)
-    frame = flights[0].frame if flights else "world"
-    family = None
-    if not name and envelope:
-        name = NEURAL if envelope >= learning.PART else LIFTED
-    if name in ("", *FAMILIES) and frame == "world" and envelope is None:
-        family, text = learning.placed_family(flights, step=step)
-        alone = (
-            "The logs alone count; --envelope N learns from simulated flights of the vehicle too."
-        )
-        say(text, "--envelope 0 trains on the logs alone." if family else alone)
-    if family is not None:
-        family = family.without_network if name == LIFTED else family
-        name = family.configuration
-    configuration = name or BY_AXES[frame]
-    if not name:
-        say(f"configuration: {configuration}, as the wrenches are in {frame} axes.")
-    require(
-        configuration in FAMILIES or not envelope,
-        f"--envelope: must be of {' | '.join(FAMILIES)}; got {configuration}.",
-    )
-    if configuration == PAYLOAD_FILTER:
-        return _payload_filter_report(flights, out, step=step)
-    if configuration in REACTIONS:
-        head: dict[str, Any] = {"seed": run.seed}
-        head |= {"epochs": epochs} if epochs and configuration == KNODE else {}
-        learn = partial(train_motion_model, configuration, flights, step=step, **head)
-        (learnt, loss), wall = behind_bar(f"training {configuration}", learn)
-        learnt.save(out)
-        summary = learnt.summary
-        rmse = [round(value, 4) for value in summary["label_rmse"]]
-        lines, tables = [f"against the labels [N, N·m]: {rmse}"], []
-        notes = [f"{summary['samples']} samples, {wall:.1f} s", f"model: {out}"]
+    start = time.perf_counter()
+    if name in (LEARNED_BANK, PAYLOAD_FILTER):
+        learned, loss = None, list[float]()
+        if envelope:
+            from diagrams.studies.learning import train_on_envelope
+
+            learned, loss = train_on_envelope(envelope, run=run, vehicle=flown)
+        learnt = _learn_vehicle(name, flights, out, step=step, learned=learned, loss=loss)
+    elif name in REACTIONS:
+        learnt = _learn_reaction(name, flights, out, step=step, seed=run.seed, epochs=epochs)
     else:
-        config = make_config(configuration, frame=frame, seed=run.seed, epochs=epochs)
-        start = time.perf_counter()
-        if configuration in FAMILIES and envelope:
-            result = learning.train_on_envelope(
-                envelope, config, run=run, vehicle=flown, flights=flights, step=step
-            )
-            result = dc.replace(
-                result, model=learning.flown_share(result.model, envelope, run=run, vehicle=flown)
-            )
-            wall = time.perf_counter() - start
-        elif family is not None:
-            result, wall = TrainingResult(family, []), time.perf_counter() - start
-        else:
-            teach = partial(train_on_flights, flights, config, step=step)
-            result, wall = behind_bar(f"training {configuration}", teach)
-        save_model(result.model, out)
-        loss, summary = result.loss, result.model.summary
-        head = {"configuration": configuration, "step": step, **dc.asdict(config)}
-        lag = rotor_lag_of(result.model)
-        if lag > 0:
-            tell(
-                f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of "
-                f"this model allow for it."
-            )
-        by_block = summary["loss"]
-        by_block = by_block if isinstance(by_block, dict) else {"total": by_block}
-        rows = [(block, float(value)) for block, value in by_block.items()]
-        title = f"{summary['samples']} samples, {wall:.1f} s"
-        lines, tables = [], [(title, ["block", "loss [1]"], rows)]
-        notes = [f"model: {out}", *([f"loss curve: {curve}"] if loss else [])]
-    if loss:
+        learnt = _learn_lifted(name, flights, out, step=step, seed=run.seed, epochs=epochs)
+    wall, summary = time.perf_counter() - start, learnt.summary
+    if learnt.loss:
         figure, grid = new_figure(1, 1, width=6.0, height=3.5)
         axes = grid[0, 0]
-        axes.set(xlabel="epoch [1]", ylabel="loss [1]", yscale="log")
-        axes.plot(range(1, len(loss) + 1), loss)
+        what = ("trial [1]", "error [m]") if envelope else ("epoch [1]", "loss [1]")
+        axes.set(xlabel=what[0], ylabel=what[1], yscale="log")
+        axes.plot(range(1, len(learnt.loss) + 1), learnt.loss)
         axes.grid(True, alpha=0.3)
         save(figure, curve)
     return Report(
-        tables,
-        config=head,
-        metrics={"loss": loss, "wall": wall, "summary": summary},
-        lines=[f"excitation: {summary['excitation']}", *lines],
-        notes=notes,
+        [(f"{summary['samples']} samples, {wall:.1f} s", learnt.columns, learnt.rows)],
+        config={"configuration": name, "step": step, "seed": run.seed, **learnt.settings},
+        metrics={"loss": learnt.loss, "wall": wall, "summary": summary},
+        lines=[f"excitation: {summary['excitation']}"] if "excitation" in summary else [],
+        notes=[f"model: {out}", *([f"loss curve: {curve}"] if learnt.loss else [])],
         warnings=noted(read_from(flights)),
     )
 
 
-def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float) -> Report:
-    """Train a payload filter, write its file, and return what it found of the vehicle."""
-    start = time.perf_counter()
-    with progress("training payload_filter", 1.0) as advance:
-        model = train_payload_filter(
-            opened_logs(flights),
-            step=step,
-            on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}"),
-        )
-    wall = time.perf_counter() - start
-    model.save(out)
-    error, spread = 100 * model.thrust_error, 100 * model.thrust_error_deviation
-    drag, drag_spread = model.mass * model.drag, model.mass * model.drag_deviation
-    torque = ", ".join(f"{1e3 * c:.3g}" for c in model.speed_torque)
+@dc.dataclass(frozen=True)
+class Learnt:
+    """What a training tells, beside the model file that it has written."""
+
+    summary: dict[str, Any]
+    columns: list[str]
+    rows: list[tuple]  # of the table
+    loss: list[float] = dc.field(default_factory=list)  # after each epoch [1]
+    settings: dict[str, Any] = dc.field(default_factory=dict)
+
+
+def _learn_vehicle(
+    name: str,
+    flights: Sequence[Flight],
+    out: Path,
+    *,
+    step: float,
+    learned: PayloadFilterModel | None,
+    loss: list[float],
+) -> Learnt:
+    """Train a payload filter, of stated priors or with the bank of a learned one.
+
+    Args:
+        learned: on the envelope; None: the packaged one.
+        loss: of the learning of its priors.
+    """
+    with progress(f"training {name}", 1.0) as advance:
+        if learned is not None and not flights:
+            found = learned
+        else:
+            prior = learned or PayloadFilterModel.load(NP_MODEL)
+            found = train_payload_filter(
+                opened_logs(flights),
+                step=step,
+                prior=prior if name == LEARNED_BANK else None,
+                on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}"),
+            )
+    found.save(out)
+    error, spread = 100 * found.thrust_error, 100 * found.thrust_error_deviation
+    drag, drag_spread = found.mass * found.drag, found.mass * found.drag_deviation
+    torque = ", ".join(f"{1e3 * c:.3g}" for c in found.speed_torque)
     rows: list[tuple] = [
         ("thrust error [%]", f"{error:.2f} ± {spread:.2f}"),
         ("drag [N·s/m]", f"{drag:.3f} ± {drag_spread:.3f}"),
-        ("hook x, y, z [mm]", ", ".join(f"{1e3 * value:.1f}" for value in model.hook)),
+        ("hook x, y, z [mm]", ", ".join(f"{1e3 * value:.1f}" for value in found.hook)),
         ("torque over velocity, roll, pitch [mN·s]", torque),
-        ("rotor lag [ms]", f"{1e3 * model.rotor_lag:.1f}"),
-        ("delay of commands [ms]", f"{1e3 * model.delay:.1f}"),
+        ("rotor lag [ms]", f"{1e3 * found.rotor_lag:.1f}"),
+        ("delay of commands [ms]", f"{1e3 * found.delay:.1f}"),
     ]
-    return Report(
-        [(f"{model.summary['samples']} samples, {wall:.1f} s", ["vehicle", "found"], rows)],
-        config={"configuration": PAYLOAD_FILTER, "step": step},
-        metrics={"wall": wall, "summary": model.summary},
-        notes=[f"model: {out}"],
-        warnings=noted(read_from(flights)),
-    )
+    return Learnt(found.summary, ["vehicle", "found"], rows, loss)
 
 
-def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
-    """Call `learn(on_epoch=…)` behind a progress bar; return its result and how long it took
-    [s].
-    """
-    start = time.perf_counter()
+def _learn_reaction(
+    name: str, flights: Sequence[Flight], out: Path, *, step: float, seed: int, epochs: int | None
+) -> Learnt:
+    """Train a wrench as a function of the motion."""
+    from np_drake.residual_models.predictor_training import train_motion_model
+
+    settings: dict[str, Any] = {"seed": seed}
+    settings |= {"epochs": epochs} if epochs and name == KNODE else {}
+    learn = partial(train_motion_model, name, flights, step=step, **settings)
+    model, loss = behind_bar(f"training {name}", learn)
+    model.save(out)
+    rmse = ", ".join(f"{value:.4g}" for value in model.summary["label_rmse"])
+    rows: list[tuple] = [("against the labels, RMSE [N, N·m]", rmse)]
+    return Learnt(model.summary, ["model", name], rows, loss, settings)
+
+
+def _learn_lifted(
+    name: str, flights: Sequence[Flight], out: Path, *, step: float, seed: int, epochs: int | None
+) -> Learnt:
+    """Train a lifted linear system."""
+    from np_drake.lifting.training.train import make_config
+    from np_drake.residual_models.predictor_training import train_on_flights
+
+    config = make_config(name, frame=flights[0].frame, seed=seed, epochs=epochs)
+    result = behind_bar(f"training {name}", partial(train_on_flights, flights, config, step=step))
+    save_model(result.model, out)
+    summary, lag = result.model.summary, rotor_lag_of(result.model)
+    if lag > 0:
+        tell(
+            f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model "
+            "allow for it."
+        )
+    loss = summary["loss"]
+    by_block = loss if isinstance(loss, dict) else {"total": loss}
+    rows: list[tuple] = [(block, float(value)) for block, value in by_block.items()]
+    return Learnt(summary, ["block", "loss [1]"], rows, result.loss, dc.asdict(config))
+
+
+def behind_bar(description: str, learn: Callable[..., T]) -> T:
+    """Return the result of `learn(on_epoch=…)`, called behind a progress bar."""
     with progress(description, 1.0) as advance:
         result = learn(
             on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}")
         )
         advance(1.0)
-    return result, time.perf_counter() - start
+    return result
 
 
 def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
@@ -367,10 +373,8 @@ def parse_horizons(text: str) -> list[int]:
 
 
 def load(path: Path) -> Model:
-    """Return the model of a file, lifted linear system or payload filter."""
-    if schema_of(path) == SCHEMA:
-        return PayloadFilterModel.load(path)
-    return load_model(path)
+    """Return the model of a file: payload filter or lifted linear system."""
+    return PayloadFilterModel.load(path) if schema_of(path) == SCHEMA else load_model(path)
 
 
 def tables(rows: list[dict[str, Any]], zeta: str) -> list[Table]:

@@ -1,6 +1,7 @@
 """Controllers by name: one MPC with different residual models, a cascade, or the user's own."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,6 @@ from diagrams.loop.own_controller import (
 )
 from np_drake.command_delay import DelayFilter
 from np_drake.labels import LabelConfig, ReadsLabels, labelled
-from np_drake.lifting.model.lifted_model import Trained, origin_of, require_origin, schema_of
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.solvers import make_solver
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMA
@@ -30,6 +30,7 @@ from np_drake.residual_models import motion_model
 from np_drake.residual_models.hold import Constant, DisturbanceObserver, Hold
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.residual_models.oracle import TrueModel
+from np_drake.trained_model import Trained, origin_of, require_origin, schema_of
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios
 from systems import NeuralPredictor, NpMpc, ReferenceSource, WrenchEstimator
@@ -281,13 +282,20 @@ def kind_of_model(path: str) -> str:
 
     Raises: ValueError: where it is no such file.
     """
-    schema = schema_of(path)
-    if schema == motion_model.SCHEMA:
+    if schema_of(path) == motion_model.SCHEMA:
         return motion_model.MotionModel.load(path).name
-    if schema == SCHEMA:
-        return PAYLOAD_FILTER
-    NeuralPredictorModel.load(path)
-    return "np"
+    filters = load_np(path).model.configuration == PAYLOAD_FILTER
+    return PAYLOAD_FILTER if filters else "np"
+
+
+def load_np(path: str | Path) -> NeuralPredictorModel | PayloadFilter:
+    """Return the predictor that flies as `np`, of the configuration that its file holds.
+
+    Raises: ValueError: one line, on a bad file.
+    """
+    if schema_of(path) == SCHEMA:
+        return PayloadFilter.load(path)
+    return NeuralPredictorModel.load(path)
 
 
 def _hold(config: ControllerConfig, vehicle: Vehicle) -> Hold:
@@ -302,9 +310,9 @@ def _observer(config: ControllerConfig, vehicle: Vehicle) -> DisturbanceObserver
 
 
 def _neural_predictor(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
-    """Return the Neural Predictor, of the configuration that its file holds."""
-    predictor = NeuralPredictorModel.load(config.predictor or NP_MODEL)
-    _require_fit(predictor.model, predictor.step, config, vehicle)
+    predictor = load_np(config.predictor or NP_MODEL)
+    label = predictor.label if isinstance(predictor, ReadsLabels) else None
+    _require_fit(predictor.model, predictor.step, config, vehicle, label)
     return predictor
 
 

@@ -20,7 +20,7 @@ from diagrams.studies.figures import Panel, panel_figure
 from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, grouped, required, tabulate
 from np_drake.files.figure_file import Figure
 from np_drake.files.number_text import NOTHING
-from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.logs.formats.neurobem import read_training, read_wrenches, table_files
 from np_drake.residual_models.flight_forecasts import model_predictions
@@ -98,11 +98,11 @@ PUBLISHED: dict[
 }
 
 
-OURS = {PAPER: "np: paper", BY_AXES["body"]: "np"}  # configuration: row
+OURS = {PAPER: "np: paper", MODE_DICTIONARY: "np"}  # configuration: row
 NAIVE = ("persistence", "linear")  # rows without training
 OWN = (*OURS.values(), *NAIVE)
 ROWS = ("NeuroBEM", "NeuroMHE", "NP", *OWN)  # in the order of the table
-KEYS = {"paper": "NP", "ours": OURS[BY_AXES["body"]], "ours_paper": OURS[PAPER]}  # of `--json`: row
+KEYS = {"paper": "NP", "ours": OURS[MODE_DICTIONARY], "ours_paper": OURS[PAPER]}  # of `--json`: row
 KEYS |= {name: name for name in ("NeuroMHE", "NeuroBEM", *NAIVE)}
 LEARNED = 4000  # samples that are trained on, ten seconds as in the paper [1]
 SHOWN, SPAN = "random points", (45.0, 55.0)  # the flight and the time that the paper shows [s]
@@ -155,7 +155,7 @@ def forecasts(model: LiftedModel, flight: Segment, origins: np.ndarray, ahead: i
     """Return forecasts of the label so many steps ahead, (o, 1, 6), force and torque predicted and
     zeta held; ValueError if the flight is too short.
     """
-    least = model.warm_up + 2
+    least = model.window + 2
     require(len(flight) >= least, f"at least {least} samples are needed; got {len(flight)}.")
     predictor = NeuralPredictor(model, torque="predict")
     return model_predictions(predictor, flight.chi, flight.zeta, origins, [ahead], zeta_known=False)
@@ -171,7 +171,7 @@ def flight_errors(
     origins = np.arange(first, len(flight.chi) - 1)
     errors = column_rmse(forecasts(model, flight, origins, 1)[:, 0] - flight.chi[origins + 1])
     seen = of_wrenches(flight.chi, flight.zeta, flight.step)
-    stability = walked_stability(NeuralPredictor(model), seen, model.warm_up - 1)
+    stability = walked_stability(NeuralPredictor(model), seen, model.window - 1)
     return {"errors": errors, "stability": dc.asdict(stability)}
 
 
@@ -188,7 +188,7 @@ def estimation_table(
         config: what the models depend on, as of `Workers.run`.
     Raises: FailedRun: where a model has no result on a flight, as when it is too short.
     """
-    first = max(model.warm_up for model in models.values())
+    first = max(model.window for model in models.values())
     cases = [{"flight": flight, "model": name} for flight in flown for name in models]
     work = partial(flight_errors, models=models, flown=flown, first=first)
     results = every_result(run.cases("every origin", "", work, cases, config=config))

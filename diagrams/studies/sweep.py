@@ -24,8 +24,8 @@ from diagrams.loop.flight_result import fly
 from diagrams.studies.learning import train_model
 from diagrams.studies.options import FlownRun, chosen
 from np_drake.files.file_access import write_bytes
-from np_drake.lifting.model.lifted_model import FAMILIES
 from np_drake.metrics import half_width
+from np_drake.payload_filter.model_file import LEARNED_BANK
 from np_drake.vehicle import Vehicle
 
 Key = tuple[str, str]  # training experiment and configuration
@@ -164,10 +164,10 @@ def train_rows(
     Returns: the records and the content of the files; a model whose training failed is missing.
     """
     keys = list(dict.fromkeys(row.key for row in rows if row.training))
-    prior = {"prior": digest_of(NP_MODEL.read_bytes())}  # which these configurations place
+    prior = {"prior": digest_of(NP_MODEL.read_bytes())}  # whose bank `learned` takes
     cases = [
         {"model": configuration, "training": training}
-        | (prior if configuration in FAMILIES else {})
+        | (prior if configuration == LEARNED_BANK else {})
         for training, configuration in keys
     ]
     work = partial(_trained, seed=run.seed, solver=run.solver, **world)

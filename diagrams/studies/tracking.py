@@ -14,6 +14,7 @@ import pandas as pd
 from typer import Option
 
 from diagrams.batch.run import Case, FailedRun, Report, Run, Table, failures, results
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import load_experiment, scenario_file, settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
@@ -35,10 +36,9 @@ from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means,
 from np_drake import metrics
 from np_drake.files.figure_file import Figure
 from np_drake.files.number_text import NOTHING
-from np_drake.lifting.model.lifted_model import LIFTED, NEURAL
 from np_drake.lifting.training.train import make_config
-from np_drake.payload_filter.model_file import PAYLOAD_FILTER
-from np_drake.payload_filter.predictor import DEFAULT_BANK
+from np_drake.payload_filter.bank_options import STATED
+from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.residual_models.motion_model import GP, KNODE
 from np_drake.residual_models.predictor_training import CONFIGURATIONS
 from np_drake.vehicle import Vehicle, load_vehicle
@@ -66,13 +66,11 @@ ROWS = (
     Row("knode: plain circle", "knode", training=PLAIN, configuration=KNODE),
     Row("knode", "knode", training=DITHERED, configuration=KNODE),
     Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
-    Row("np: plain circle", "np", training=PLAIN, configuration=NEURAL),
     Row(
         "payload_filter: plain circle", PAYLOAD_FILTER, training=PLAIN, configuration=PAYLOAD_FILTER
     ),
     Row("np: paper, dithered circle", "np", training=DITHERED, configuration="paper"),
-    Row("np: lifted", "np", training=DITHERED, configuration=LIFTED),
-    Row("np", "np", training=DITHERED, configuration=NEURAL),
+    Row("np", "np", training=DITHERED, configuration=LEARNED_BANK),
     Row("payload_filter", PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),
     Row("oracle", "oracle"),
 )
@@ -119,16 +117,20 @@ def table(summaries: Sequence[dict]) -> list[dict]:
 
 
 def settings_of_training(rows: Sequence[Row], seed: int) -> dict[str, dict]:
-    """Return the settings of every configuration that is trained, by its name; of a payload filter
-    what it believes before.
+    """Return the settings of every configuration that is trained, by its name; where the vehicle
+    alone is, what is believed of its payload.
     """
     found: dict[str, Any] = {}
-    for name in (row.configuration for row in rows if row.configuration):
-        known = CONFIGURATIONS.get(name)
-        found[name] = dc.replace(known, seed=seed) if known else None
-        if name == PAYLOAD_FILTER:
-            found[name] = DEFAULT_BANK
-    return {name: dc.asdict(own or make_config(name, seed=seed)) for name, own in found.items()}
+    for name in {row.configuration: None for row in rows if row.configuration}:
+        if name == LEARNED_BANK:
+            found[name] = PayloadFilterModel.load(NP_MODEL).bank
+        elif name == PAYLOAD_FILTER:
+            found[name] = STATED
+        elif name in CONFIGURATIONS:
+            found[name] = dc.replace(CONFIGURATIONS[name], seed=seed)
+        else:
+            found[name] = make_config(name, seed=seed)
+    return {name: dc.asdict(own) for name, own in found.items()}
 
 
 def run(
@@ -247,7 +249,7 @@ HOVER_LOST = {
 CUTS = ("position_rmse", "late", "E_xy")  # keys that are also given relative to nominal
 EARLY = 2.0  # after the impulse; later every predictor has seen the swing begin [s]
 DAMPED, FILTER_DAMPED = "np + active damping", "payload_filter + active damping"  # names of rows
-_NEURAL: dict[str, Any] = {"training": DITHERED, "configuration": NEURAL}
+_LEARNED: dict[str, Any] = {"training": DITHERED, "configuration": LEARNED_BANK}
 _FILTER: dict[str, Any] = {"training": DITHERED, "configuration": PAYLOAD_FILTER}
 HOVER_ROWS = (
     Row("nominal", "nominal"),
@@ -257,10 +259,10 @@ HOVER_ROWS = (
     Row("gp", "gp", training=DITHERED, configuration=GP),
     Row("knode", "knode", training=DITHERED, configuration=KNODE),
     Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
-    Row("np", "np", **_NEURAL),
+    Row("np", "np", **_LEARNED),
     # The weight on the body rates keeps tilting as slow as the swing; without it motor lag makes
     # pitch oscillate.
-    Row(DAMPED, "np", weight_swing=10.0, weight_rate=3.0, **_NEURAL),
+    Row(DAMPED, "np", weight_swing=10.0, weight_rate=3.0, **_LEARNED),
     Row("payload_filter", PAYLOAD_FILTER, **_FILTER),
     # Three times the weight: what the vehicle can do against the swing is less than the lifted
     # model makes of it.
@@ -272,7 +274,7 @@ AFTER = 2.0  # from here on after the event the new level counts as reached [s]
 ATTACH_PAPER = {"step": 0.96, "deviation": 0.004}
 SIGNALS = ("chi_hat", "label")  # whose step response is measured
 ATTACH_ROWS = (
-    Row("np", "np", training=DITHERED, configuration=NEURAL),
+    Row("np", "np", training=DITHERED, configuration=LEARNED_BANK),
     Row("payload_filter", PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),
     Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
 )

@@ -1,28 +1,27 @@
 """Trains the Neural Predictor on one flight and scores it on another.
 
-Shows: training segments from a flight log, `train`, the three matrices of the lifted linear system,
-and its forecast error against holding the last label. `np-drake train` and `np-drake evaluate` do
-the same on files.
+Shows: a vehicle learnt from a flight log, on top of the packaged model; the three matrices of the
+lifted linear system; and its forecast error against holding the last label. `np-drake train` and
+`np-drake evaluate` do the same on files.
 """
 
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
-from np_drake.lifting.training.train import make_config, train
-from np_drake.residual_model import ResidualModel
-from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.skill import skill_table
-from np_drake.training_data.segments import Segment, training_segments
+from np_drake.payload_filter.model_file import PayloadFilterModel
+from np_drake.payload_filter.predictor import PayloadFilter
+from np_drake.payload_filter.training import opened_logs, train_payload_filter
+from np_drake.skill.skill import score_flights
+from np_drake.training_data.segments import Flight
 
 HORIZONS = [5, 20, 40]  # steps of 0.02 s
 
 
-def flight(name: str, duration: float, seed: int) -> Segment:
-    """The labels and the motion of a simulated flight with nominal MPC."""
+def flight(name: str, duration: float, seed: int) -> Flight:
+    """Log and vehicle of a simulated flight with nominal MPC."""
     config = load_experiment(name)
     config.controller.solver, config.duration = "sqp", duration
-    result = fly(config, seed=seed)
-    (segment,) = training_segments(result.log(), config.vehicle)
-    return segment
+    return Flight(fly(config, seed=seed).log(), config.vehicle)
 
 
 def main() -> None:
@@ -30,21 +29,18 @@ def main() -> None:
     trained on.
     """
     learned, unseen = flight("training_circle", 10.0, seed=0), flight("lemniscate", 4.0, seed=1)
-    model = train([learned], make_config("lifted", seed=0)).model
-    A, B, C = model.system.A, model.system.B, model.system.C
+    packaged = PayloadFilterModel.load(NP_MODEL)
+    model = train_payload_filter(opened_logs([learned]), step=0.02, prior=packaged)
+    predictor = PayloadFilter(model)
+    system = predictor.forecast(predictor.initial_memory(), horizon=20, stride=2)
     print(
-        f"lifted linear system: A {A.shape}, B {B.shape}, C {C.shape}, "
+        f"lifted linear system: A {system.A.shape}, B {system.B.shape}, C {system.C.shape}, "
         f"{model.summary['samples']} samples"
     )
-    models: dict[str, ResidualModel] = {"np": NeuralPredictor(model)}
-    mean = learned.goal.mean(axis=0)
-    table = skill_table(
-        models, unseen.chi, unseen.zeta, horizons=HORIZONS, mean=mean, target=unseen.goal
-    )
-    for row in table:
-        if row["model"] in ("persistence", "np"):
+    for row in score_flights(model, [unseen], HORIZONS, zeta="known"):
+        if row["model"] in ("persistence", model.configuration):
             print(
-                f"{row['model']:12} {row['horizon'] * learned.step:.1f} s ahead: force RMSE "
+                f"{row['model']:12} {row['horizon']:.1f} s ahead: force RMSE "
                 f"{row['force_rmse']:.3f} N"
             )
 

@@ -2,111 +2,27 @@
 weights.
 
 Each member tracks a tether that it takes to be of its own length, or a vehicle that carries
-nothing, in one of three conditions: calm, gusty air, or a payload that is being pushed (`kernel`).
+nothing, in one of some conditions: calm, gusty air, or a payload that is being pushed (`kernel`).
 Conditions change, so that members of one length interact; lengths do not, and their weights are
 those of Bayes with a small chance of a change. Where no member explains a sample, the payload was
 attached, lost or snapped taut: what is known of it is then forgotten.
 """
 
-import dataclasses as dc
-from typing import Any
-
 import numpy as np
 
 from np_drake.compiled import finite
 from np_drake.payload_filter import kernel
+from np_drake.payload_filter.bank_options import NO_MASS, BankOptions
 from np_drake.payload_filter.kernel import mix_bank, weigh_bank
 from np_drake.residual_model import Memory
-from np_drake.vehicle.scaling import Scales
-
-CONDITIONS = ("calm", "gusty", "pushed")
-# Powers of length and time in the unit of what differs from vehicle to vehicle; shares, angles and
-# accelerations have none, as gravity is common, nor has the noise of a sensor.
-POWERS = {
-    "lengths": (1, 0),
-    **dict.fromkeys(("push_time", "memory", "duration"), (0, 1)),
-    **dict.fromkeys(("damping", "drag", "change"), (0, -1)),
-    "swing_noise": (2, -3),
-}
 
 
-def carries(members: int) -> np.ndarray:
+def carries(members: int, conditions: int) -> np.ndarray:
     """Return which of a bank's members carry a payload, (k,) of bool: the last of each condition
     does not.
     """
-    count = members // len(CONDITIONS)
-    return np.tile(np.arange(count) < count - 1, len(CONDITIONS))
-
-
-@dc.dataclass(frozen=True)
-class Prior:
-    """Mean and standard deviation of a quantity before any flight."""
-
-    mean: float
-    deviation: float
-
-    def __mul__(self, factor: float) -> "Prior":
-        """Return the prior of the quantity times `factor`."""
-        return Prior(self.mean * factor, self.deviation * factor)
-
-
-# Mass of a vehicle that carries nothing, over its own [1]; own choice of a deviation by which one
-# can divide
-NO_MASS = Prior(0.0, 1e-6)
-
-
-@dc.dataclass(frozen=True)
-class BankOptions:
-    """What is believed of payload and air before any sample, per mass of the vehicle; in SI for the
-    paper's vehicle.
-
-    Source: stated priors. Lengths cover 0.3 to 2.4 m by equal steps of the logarithm, of which half
-    is a deviation; a vehicle carries up to half its own weight; a quadrotor's drag is below its
-    weight at 20 m/s. Near the ground the wind's vertical deviation is half its level one (Panofsky,
-    Dutton 1984: 1.25 and 2.4 friction velocities).
-    """
-
-    lengths: tuple[float, ...] = (0.3, 0.5, 0.85, 1.42, 2.4)  # of the members [m]
-    log_length: float = 0.26  # deviation of a member's logarithm of length [1]
-    # Probability that the vehicle carries nothing: as likely as a tether of each length [1]
-    bare: float = 1 / 6
-    mass: Prior = Prior(0.1, 0.15)  # of the payload, share of the vehicle's [1]
-    damping: Prior = Prior(0.05, 0.1)  # drag of the payload over its mass [1/s]
-    thrust_error: Prior = Prior(0.0, 0.1)  # [1]
-    drag: Prior = Prior(0.1, 0.2)  # of the vehicle [1/s]
-    push: tuple[float, ...] = (0.05, 1.0, 0.05)  # deviation of the slow force by condition [m/s²]
-    vertical: float = 0.5  # deviation of the slow force upwards over that on a level axis [1]
-    push_time: tuple[float, ...] = (20.0, 10.0, 20.0)  # over which it decays, by condition [s]
-    memory: float = 20.0  # over which parameters return to their prior [s]
-    tilt: float = 0.1  # deviation of the tether from the vertical at the start [rad]
-    lost_tilt: float = 0.5  # deviation after a jump [rad]
-    # Power of what pushes the payload, by condition [m²/s³]
-    swing_noise: tuple[float, ...] = (1e-4, 0.1, 2.0)
-    duration: tuple[float, ...] = (
-        20.0,
-        5.0,
-        0.5,
-    )  # of a condition, after which either other begins [s]
-    change: float = 0.02  # rate at which the length changes, or a payload comes or goes [1/s]
-    # squared innovation that no member exceeds: 1e-5 of the chi-square with three degrees [1]
-    jump: float = 24.3
-    least_noise: float = 0.02  # of a label [m/s²]
-
-    def scaled(self, unit: Scales) -> "BankOptions":
-        """Return what is believed under a vehicle of other units: the same in its lengths and
-        times.
-
-        Args: unit: of the vehicle, over those of the paper's.
-        """
-        factors = {name: unit.length**a * unit.time**b for name, (a, b) in POWERS.items()}
-        return dc.replace(
-            self, **{name: _times(getattr(self, name), f) for name, f in factors.items()}
-        )
-
-
-def _times(value: Any, factor: float) -> Any:
-    """Return a number, a prior or every number of a tuple times `factor`."""
-    return tuple(v * factor for v in value) if isinstance(value, tuple) else value * factor
+    count = members // conditions
+    return np.tile(np.arange(count) < count - 1, conditions)
 
 
 class PendulumBank:
@@ -123,9 +39,10 @@ class PendulumBank:
         # The length of a member without a payload means nothing: the geometric mean of the others
         bare = float(np.exp(np.mean(np.log(o.lengths))))
         lengths = (*o.lengths, bare)
-        self.lengths = np.tile(np.array(lengths, float), len(CONDITIONS))
-        condition = np.repeat(np.arange(len(CONDITIONS)), len(lengths))
-        loaded, count = carries(len(self.lengths)), len(self.lengths)
+        kinds = len(o.push)
+        self.lengths = np.tile(np.array(lengths, float), kinds)
+        condition = np.repeat(np.arange(kinds), len(lengths))
+        loaded, count = carries(len(self.lengths), kinds), len(self.lengths)
         self._reach = np.sqrt(gravity / self.lengths)  # rate of a swing over its angle [1/s]
         # Probability of each member before any flight, (k,)
         self._first_weight = np.where(loaded, (1 - o.bare) / loaded.sum(), o.bare / (~loaded).sum())
@@ -140,7 +57,7 @@ class PendulumBank:
         self._deviation[:, 3:6] = push[condition][:, None] * [1.0, 1.0, o.vertical]
         self._deviation[:, [6, 7]] = o.thrust_error.deviation, o.drag.deviation
         # Share of the distance to the prior that a parameter keeps in a step, (k, 8)
-        self._keep = np.full((count, 8), np.exp(-step / o.memory))
+        self._keep = np.tile(np.exp(-step / np.array(o.memory))[condition][:, None], (1, 8))
         self._keep[:, 3:6] = np.exp(-step / np.array(o.push_time)[condition])[:, None]
         # Variance that a step adds, (k, SIZE): the parameters keep their prior deviation
         swing = np.array(o.swing_noise)[condition] * step / self.lengths**2
@@ -150,7 +67,7 @@ class PendulumBank:
         self._rise = (push * o.vertical) ** 2  # variance of the slow force upwards, (3,) [m²/s⁴]
         # Probability of a change from one condition to another in a step, (3, 3)
         leave = 1 - np.exp(-step / np.array(o.duration))
-        self._transition = np.tile(0.5 * leave[:, None], (1, len(CONDITIONS)))
+        self._transition = np.tile(leave[:, None] / (kinds - 1), (1, kinds))
         np.fill_diagonal(self._transition, 1 - leave)
 
     def initial_memory(self) -> Memory:

@@ -136,7 +136,8 @@ def _predict(mean, covariance, drive, step, prior, keep, noise, out, out_covaria
     error = np.zeros(SIZE)
     for j in range(SIZE):
         for sign in (1.0, -1.0):
-            error[:] = sign * width * root[:, j]
+            for k in range(SIZE):
+                error[k] = sign * width * root[k, j]
             displace(mean, error, point)
             _advance(point, drive, step, prior, keep)
             difference(out, point, plus[j] if sign > 0 else minus[j])
@@ -162,13 +163,13 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
     width = math.sqrt(SPREAD)
     for j in range(SIZE):
         for sign in (1.0, -1.0):
-            error[:] = sign * width * root[:, j]
+            for k in range(SIZE):
+                error[k] = sign * width * root[k, j]
             displace(mean, error, point)
             _measure(point, now, force)
-            if sign > 0:
-                plus[j] = force - centre
-            else:
-                minus[j] = force - centre
+            side = plus if sign > 0 else minus
+            for k in range(3):
+                side[j, k] = force[k] - centre[k]
     shift, spread = np.zeros(3), np.zeros((3, 3))
     _moments(plus, minus, shift, spread)
     innovation = np.zeros(3)
@@ -177,9 +178,10 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
         innovation[k] = label[k] - centre[k] - shift[k]
     cross = np.zeros((SIZE, 3))
     for j in range(SIZE):
-        slope = (plus[j] - minus[j]) / (2.0 * width)
-        for row in range(j, SIZE):
-            cross[row] += root[row, j] * slope
+        for k in range(3):
+            slope = (plus[j, k] - minus[j, k]) / (2.0 * width)
+            for row in range(j, SIZE):
+                cross[row, k] += root[row, j] * slope
     # Kalman update: K = P_xy S^-1, x + K (y - y_hat), P - K P_xy'; P_xy by divided differences
     # along P's root
     inverse, determinant = _inverse(spread)
@@ -244,14 +246,20 @@ def _moments(plus, minus, mean, covariance):
     # with h² = `SPREAD`
     first, second = math.sqrt(1.0 / (4.0 * SPREAD)), math.sqrt((SPREAD - 1.0) / (4.0 * SPREAD**2))
     size = plus.shape[1]
+    odd, even = np.empty(size), np.empty(size)
     mean[:] = 0.0
     covariance[:] = 0.0
     for j in range(SIZE):
-        mean += (plus[j] + minus[j]) / (2.0 * SPREAD)
-        odd, even = first * (plus[j] - minus[j]), second * (plus[j] + minus[j])
         for a in range(size):
-            for b in range(size):
+            mean[a] += (plus[j, a] + minus[j, a]) / (2.0 * SPREAD)
+            odd[a] = first * (plus[j, a] - minus[j, a])
+            even[a] = second * (plus[j, a] + minus[j, a])
+        for a in range(size):
+            for b in range(a + 1):
                 covariance[a, b] += odd[a] * odd[b] + even[a] * even[b]
+    for a in range(size):
+        for b in range(a):
+            covariance[b, a] = covariance[a, b]
 
 
 @compiled
@@ -288,7 +296,8 @@ def displace(point, error, out):
     out[1] = near * n[1] + along * (a * e[1] + b * f1)
     out[2] = near * n[2] + along * (a * e[2] + b * f2)
     _across(out, e)
-    out[6:] = point[6:] + error[2:]
+    for k in range(6, POINT):
+        out[k] = point[k] + error[k - 4]
 
 
 @compiled
@@ -326,7 +335,8 @@ def difference(origin, point, out):
     w0, w1, w2 = tether_rate(point)
     out[2] = w0 * e[0] + w1 * e[1] + w2 * e[2] - origin[6]
     out[3] = w0 * f0 + w1 * f1 + w2 * f2 - origin[7]
-    out[4:] = point[8:] - origin[8:]
+    for k in range(4, SIZE):
+        out[k] = point[k + 4] - origin[k + 4]
 
 
 @compiled
@@ -372,7 +382,8 @@ def _advance(p, drive, step, prior, keep):
     p[6] = w0 * p[3] + w1 * p[4] + w2 * p[5]
     f0, f1, f2 = p[1] * p[5] - p[2] * p[4], p[2] * p[3] - p[0] * p[5], p[0] * p[4] - p[1] * p[3]
     p[7] = w0 * f0 + w1 * f1 + w2 * f2
-    p[FIRST:] = prior + keep * (p[FIRST:] - prior)
+    for k in range(len(prior)):
+        p[FIRST + k] = prior[k] + keep[k] * (p[FIRST + k] - prior[k])
 
 
 @compiled
@@ -396,14 +407,16 @@ def _pull(p, now, out):
     for k in range(3):
         along += p[k] * (_felt(p, now, k) + damping * now[3 + k])
     tension = max(0.0, length * (p[6] * p[6] + p[7] * p[7]) - along)
-    out[:] = mass / (1.0 + mass) * tension * p[:3]
+    for k in range(3):
+        out[k] = mass / (1.0 + mass) * tension * p[k]
 
 
 @compiled
 def _measure(p, now, out):
     """Write the label (3,) that a point predicts [m/s²]."""
     _pull(p, now, out)
-    out += p[THRUST_ERROR] * now[:3] - p[DRAG] * now[3:6] + p[PUSH : PUSH + 3]
+    for k in range(3):
+        out[k] += p[THRUST_ERROR] * now[k] - p[DRAG] * now[3 + k] + p[PUSH + k]
 
 
 RISE = PUSH + 2  # the slow force upwards, in a point; its error is `RISE_ERROR`

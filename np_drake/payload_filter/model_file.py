@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
-from np_drake.lifting.model.lifted_model import read_model, summary_in, write_model
+from np_drake.payload_filter.bank_options import STATED, BankOptions
+from np_drake.trained_model import read_model, summary_in, write_model
 from np_drake.vehicle.scaling import Scales, over_paper
 
-PAYLOAD_FILTER = "payload_filter"  # name of the configuration
-SCHEMA = "np_drake.payload_filter_model/1"  # format of the file and its version
+PAYLOAD_FILTER = "payload_filter"  # configuration with stated priors
+LEARNED_BANK = "learned"  # configuration with learned priors
+SCHEMA = "np_drake.payload_filter_model/2"  # format of the file and its version
 NUMBERS = (
     "step",
     "mass",
@@ -37,7 +39,8 @@ VECTORS = {
 
 @dc.dataclass(frozen=True)
 class PayloadFilterModel:
-    """Vehicle under which the pendulum hangs, as the training flight shows it.
+    """Vehicle under which the pendulum hangs, as the training flight shows it, and what is believed
+    of payload and air.
 
     rate_torque: (3,) torque about the body axes over the body rates [N·m·s].
     speed_torque: (2,) torque about body x over the velocity along y, and about y over that along x,
@@ -45,8 +48,6 @@ class PayloadFilterModel:
     arm: mean distance of the rotors from Bo, the unit of length in which payloads and swings are
         looked for [m].
     """
-
-    configuration = PAYLOAD_FILTER
 
     step: float  # between samples [s]
     mass: float  # that the labels assume [kg]
@@ -61,6 +62,8 @@ class PayloadFilterModel:
     speed_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
     delay: float = 0.0  # of the command before it [s]
     arm: float = dc.field(kw_only=True)
+    bank: BankOptions = STATED  # in the units of the paper's vehicle
+    learned: dict[str, Any] = dc.field(default_factory=dict)  # what its priors were learned on
     summary: dict[str, Any] = dc.field(
         default_factory=dict
     )  # key figures and origin of the training
@@ -86,6 +89,11 @@ class PayloadFilterModel:
             )
 
     @property
+    def configuration(self) -> str:
+        """Name of the configuration."""
+        return LEARNED_BANK if self.learned else PAYLOAD_FILTER
+
+    @property
     def unit(self) -> Scales:
         """Units of length, mass and time over those of the paper's vehicle, which are exactly 1 for
         the latter.
@@ -99,7 +107,8 @@ class PayloadFilterModel:
         """
         tensors = {name: np.array([getattr(self, name)], float) for name in NUMBERS}
         tensors |= {name: np.asarray(getattr(self, name), float) for name in VECTORS}
-        write_model(tensors, SCHEMA, {"summary": self.summary}, path)
+        header = {"summary": self.summary, "bank": self.bank.as_numbers(), "learned": self.learned}
+        write_model(tensors, SCHEMA, header, path)
 
     @classmethod
     def load(cls, path: str | Path) -> "PayloadFilterModel":
@@ -113,4 +122,6 @@ class PayloadFilterModel:
     def _build(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "PayloadFilterModel":
         content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
         content |= {name: tensors[name] for name in VECTORS}
-        return cls(**content, summary=summary_in(header))
+        bank = BankOptions.of_numbers(header["bank"])
+        learned = dict(header["learned"])
+        return cls(**content, bank=bank, learned=learned, summary=summary_in(header))

@@ -3,7 +3,7 @@ controller's plan.
 """
 
 import dataclasses as dc
-from functools import lru_cache
+import math
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,9 @@ from np_drake import attitude
 from np_drake.compiled import compiled, finite
 from np_drake.labels import LabelConfig
 from np_drake.payload_filter import kernel
-from np_drake.payload_filter.filter_bank import BankOptions, PendulumBank, Prior
+from np_drake.payload_filter.actuator_lag import decays_of, initial_lag, next_lag
+from np_drake.payload_filter.bank_options import Prior
+from np_drake.payload_filter.filter_bank import PendulumBank
 from np_drake.payload_filter.forecast import along_plan, beside_plan, drives, motion_torque
 from np_drake.payload_filter.hook import initial_shift, next_shift, torque_doubt
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
@@ -22,7 +24,6 @@ from np_drake.rigid_body import Q, W
 RAW = LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf)  # the filter wants white noise
 # over which the noise of labels is averaged [s], as many samples of any vehicle; own choice
 NOISE_TIME = 2.0
-DEFAULT_BANK = BankOptions()
 FIRST_NOISE = 0.3  # noise of a force label before any was seen [m/s²]; source: stated prior
 # second difference that counts as noise, in standard deviations [1]: larger ones are events
 CLIP = 4.0
@@ -48,23 +49,24 @@ class PayloadFilter:
     correction; without a state it waits.
 
     Args:
-        model: the trained vehicle.
-        options: what is believed of payload and air, for the paper's vehicle.
+        model: the trained vehicle, and what is believed of payload and air.
     """
 
     name = PAYLOAD_FILTER
     label = RAW
 
-    def __init__(self, model: PayloadFilterModel, options: BankOptions = DEFAULT_BANK):
+    def __init__(self, model: PayloadFilterModel):
         self.model, self.step = model, model.step
         self.rotor_lag, self.delay = model.rotor_lag, model.delay
         options = dc.replace(
-            options.scaled(model.unit),
+            model.bank.scaled(model.unit),
             thrust_error=Prior(model.thrust_error, model.thrust_error_deviation),
             drag=Prior(model.drag, model.drag_deviation),
         )
         self.bank = PendulumBank(options, step=model.step, gravity=model.gravity)
-        self._noise_share = self.step / (NOISE_TIME * model.unit.clock)
+        self._pace = self.step / model.unit.clock
+        self._decays = decays_of(self.rotor_lag, self.step)
+        self._noise_share = self._pace / NOISE_TIME
         self._length_unit = model.unit.length
         self._unit_step = (
             self.step / model.unit.time
@@ -86,10 +88,12 @@ class PayloadFilter:
         """Return the memory before any sample."""
         x = np.zeros(13)
         x[3] = 1.0
+        hovering = np.array([self.model.mass * self.model.gravity, 0.0, 0.0, 0.0])
         return {
             **self.bank.initial_memory(),
+            **initial_lag(self.rotor_lag, hovering),
             "x": x,
-            "acting": np.array([self.model.mass * self.model.gravity, 0.0, 0.0, 0.0]),
+            "acting": hovering,
             "labels": np.full((2, 3), np.nan),
             "variance": np.full(3, FIRST_NOISE**2),
             **initial_shift(self._unit_step),
@@ -104,45 +108,92 @@ class PayloadFilter:
             return memory
         u = u if finite(u) else memory["acting"]
         if not memory["seen"][0]:
-            return {**memory, "x": x.copy(), "acting": u.copy(), "seen": np.ones(1)}
-        mean_decay, decay = _lag(self.rotor_lag, self.step)
+            begun = {"x": x.copy(), "acting": u.copy(), "seen": np.ones(1)}
+            return {**memory, **initial_lag(self.rotor_lag, u), **begun}
+        mass, chi = self.model.mass, np.asarray(sample.chi, float)
+        lagged = u + self._decays * (memory["lagged"] - u)
+        mean_decay, decay = _lag(memory["lag"][0], self.step)
         before = memory["acting"] - u
         acting, over_step = u + decay * before, u + mean_decay * before
-        mass, chi = self.model.mass, np.asarray(sample.chi, float)
-        drive, now, force = np.empty(9), np.empty(9), chi[:3] / mass
+        # The label takes the trained lag for granted
+        missing = lagged[0] - acting
+        drive, now = np.empty(9), np.empty(9)
+        force = (chi[:3] + missing[0] * attitude.body_z(x[Q])) / mass
         drives(
             memory["x"], x, self._hook, over_step[0] / mass, acting[0] / mass, self.step, drive, now
         )
         bank = self.bank.step_on(memory, drive, now, force, memory["variance"])
-        new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
+        new = {**memory, **bank, "x": x.copy(), "acting": acting, "lagged": lagged, "now": now}
         if finite(chi):
             known = (memory[name] for name in NOISE)
             least = self.bank.options.least_noise
             noise = _take_noise(*known, force, self._noise_share, least)
             new |= dict(zip(NOISE, noise, strict=True))
-            new |= self._hook_and_level(
-                new, chi[3:] - motion_torque(x, self._rate_torque, self._speed_torque)
-            )
+            torque = chi[3:] - motion_torque(x, self._rate_torque, self._speed_torque)
+            new |= self._lag_hook_and_level(new, torque, missing[1:])
         return new
 
-    def _hook_and_level(self, memory: Memory, torque: np.ndarray) -> Memory:
-        """Return the memory of hook and level after a torque (3,) that body rates and velocity do
-        not explain [N·m].
+    def _lag_hook_and_level(
+        self, memory: Memory, torque: np.ndarray, missing: np.ndarray
+    ) -> Memory:
+        """Return the memory of lag, hook and level after a torque (3,) that body rates and velocity
+        do not explain under the trained lag [N·m].
 
         What the members disagree about the pull is a doubt about its torque.
+
+        Args:
+            missing: (3,) what that lag makes of the command beyond the estimated one [N·m].
         """
         pull, spread = kernel.pull_moments(*(memory[name] for name in PULL))
         turn = self.model.mass * attitude.rotation_matrix(memory["x"][Q])
         pull, spread = pull @ turn, turn.T @ spread @ turn
         doubt = torque_doubt(spread, self._cross, self._length_unit)
         rest = torque - self._cross @ pull
-        return next_shift(memory, rest, pull, doubt, self._unit_step, length_unit=self._length_unit)
+        lag = next_lag(
+            memory,
+            self.rotor_lag,
+            memory["lagged"],
+            rest - attitude.skew(memory["shift"]) @ pull,
+            self._pace,
+        )
+        unit = self._length_unit
+        shift = next_shift(memory, rest + missing, pull, doubt, self._unit_step, length_unit=unit)
+        return {**lag, **shift}
 
     def pull(self, memory: Memory) -> np.ndarray:
         """Return the pull of the tether on the vehicle at the last sample, mean of all members, in
         W (3,) [N].
         """
         return self.model.mass * kernel.pull_moments(*(memory[name] for name in PULL))[0]
+
+    def along(self, memory: Memory, plan: Plan, *, stride: int, lagging: bool = True) -> np.ndarray:
+        """Return the wrench (N, 6) along a plan at steps of `stride * self.step` seconds, the mean
+        over each [N, N·m].
+
+        Args:
+            lagging: whether the rotors still have to follow the commands, else these act at once,
+                as those of labels.
+        """
+        points, weight = _likely(memory)
+        wrench, step = np.empty((len(plan.u), 6)), stride * self.step
+        along_plan(
+            points,
+            weight,
+            plan.x,
+            plan.u,
+            memory["acting"],
+            memory["steady"],
+            self._rate_torque,
+            self._speed_torque,
+            self._hook + memory["shift"],
+            self.model.mass,
+            self.model.gravity,
+            step,
+            stride,
+            *_lag(memory["lag"][0] if lagging else 0.0, step),
+            wrench,
+        )
+        return wrench
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast for a motion that goes on at the velocity and attitude of now."""
@@ -157,31 +208,18 @@ class PayloadFilter:
         """Return the forecast over `horizon` steps of `stride * self.step` seconds along a plan at
         these steps.
         """
-        some = np.flatnonzero(memory["weight"] >= LEAST_WEIGHT)
-        weight = memory["weight"][some] / memory["weight"][some].sum()
-        points, step = memory["mean"][some], stride * self.step
+        points, weight = _likely(memory)
         hook, mass, gravity = self._hook + memory["shift"], self.model.mass, self.model.gravity
-        wrench = np.empty((len(plan.u), 6))
-        along_plan(
-            points,
-            weight,
-            plan.x,
-            plan.u,
-            memory["acting"],
-            memory["steady"],
-            self._rate_torque,
-            self._speed_torque,
-            hook,
-            mass,
-            gravity,
-            step,
-            stride,
-            *_lag(self.rotor_lag, step),
-            wrench,
-        )
+        wrench, step = self.along(memory, plan, stride=stride), stride * self.step
         A, B, C, offset = np.zeros((4, 4)), np.zeros((4, 6)), np.zeros((6, 4)), wrench.copy()
         beside_plan(weight @ points, plan.x, hook, mass, gravity, step, A, B, C, offset)
         return WrenchForecast(A, B, C, np.zeros(4), offset)
+
+
+def _likely(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
+    """Return the members (k, POINT) that a forecast counts, and their weights (k,)."""
+    some = np.flatnonzero(memory["weight"] >= LEAST_WEIGHT)
+    return memory["mean"][some], memory["weight"][some] / memory["weight"][some].sum()
 
 
 @compiled
@@ -206,12 +244,11 @@ def _take_noise(labels, variance, seen, force, share, least):
     return kept, np.maximum(variance + blend * (square - variance), least**2), seen + 1
 
 
-@lru_cache(maxsize=16)
 def _lag(time_constant: float, step: float) -> tuple[float, float]:
     """Return the share of a difference that a first-order lag leaves: mean over a step, and at its
     end [1].
     """
     if time_constant <= 0.0:
         return 0.0, 0.0
-    decay = float(np.exp(-step / time_constant))
+    decay = math.exp(-step / time_constant)
     return time_constant / step * (1.0 - decay), decay

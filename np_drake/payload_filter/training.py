@@ -11,12 +11,13 @@ from np_drake import attitude
 from np_drake.checks import require
 from np_drake.command_delay import FINE, LONGEST_DELAY
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import origin_of
 from np_drake.payload_filter import kernel
+from np_drake.payload_filter.bank_options import STATED
 from np_drake.payload_filter.model_file import PayloadFilterModel
-from np_drake.payload_filter.predictor import DEFAULT_BANK, RAW, PayloadFilter
+from np_drake.payload_filter.predictor import RAW, PayloadFilter
 from np_drake.residual_model import Memory, Sample
 from np_drake.rigid_body import Q, V, W
+from np_drake.trained_model import origin_of
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.actuator_timing import delayed, learned_timing
 from np_drake.training_data.segments import Flight, picked_flight, require_torque
@@ -38,7 +39,11 @@ Flights = Sequence[tuple[FlightLog, Vehicle]]
 
 
 def train_payload_filter(
-    flights: Flights, *, step: float, on_pass: Callable[[int, int], None] = lambda *_: None
+    flights: Flights,
+    *,
+    step: float,
+    prior: PayloadFilterModel | None = None,
+    on_pass: Callable[[int, int], None] = lambda *_: None,
 ) -> PayloadFilterModel:
     """Return the model of the vehicle that flew `flights`.
 
@@ -46,6 +51,8 @@ def train_payload_filter(
 
     Args:
         step: between samples [s].
+        prior: whose learned bank the model takes, which holds for any vehicle in its units of
+            length, mass and time; None: the stated one.
         on_pass: called with (done, total).
     Raises: ValueError: if the logs are of different vehicles, or one is without torque, its labels
         or rows.
@@ -76,7 +83,8 @@ def train_payload_filter(
         "samples": sum(map(len, samples)),
         "command_delay": delay,
     }
-    return dc.replace(model, delay=delay, summary=summary)
+    model = dc.replace(model, delay=delay, summary=summary)
+    return model if prior is None else dc.replace(model, bank=prior.bank, learned=prior.learned)
 
 
 def opened_logs(flights: Sequence[Flight]) -> Flights:
@@ -89,7 +97,8 @@ def opened_logs(flights: Sequence[Flight]) -> Flights:
     ]
     require(
         len(logs) >= len(flights),
-        "payload_filter: must have flight logs, with attitude and command; got arrays of wrenches.",
+        "train: must have flight logs, with attitude and command; got arrays of wrenches. "
+        "Use mode-dictionary.",
     )
     return logs
 
@@ -115,7 +124,7 @@ def _untrained(
     vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray
 ) -> PayloadFilterModel:
     """Return the model before any flight, with the wide priors of the bank."""
-    bank = DEFAULT_BANK.scaled(ratios(vehicle))
+    bank = STATED.scaled(ratios(vehicle))
     thrust, drag = bank.thrust_error, bank.drag
     return PayloadFilterModel(
         step,
@@ -136,8 +145,9 @@ def _refined(model: PayloadFilterModel, flights: Sequence[list[Sample]]) -> Payl
     other.
     """
     gram, right = np.zeros((COLUMNS, COLUMNS)), np.zeros(COLUMNS)
+    lasting = dc.replace(STATED, memory=(LASTING,) * STATED.conditions)
     for samples in flights:
-        predictor = PayloadFilter(model, dc.replace(DEFAULT_BANK, memory=LASTING))
+        predictor = PayloadFilter(dc.replace(model, bank=lasting))
         memory = predictor.initial_memory()
         for k, sample in enumerate(samples):
             memory = predictor.update(memory, sample)
@@ -192,7 +202,7 @@ def _torque(
     show is zero.
     """
     noise = np.mean(np.concatenate([torque_steps(samples) for samples in flights]) ** 2) / 2
-    hook, drag = HOOK * model.unit.length, DEFAULT_BANK.drag.deviation / model.unit.time
+    hook, drag = HOOK * model.unit.length, STATED.drag.deviation / model.unit.time
     deviation = np.full(COLUMNS, np.inf)
     deviation[:3], deviation[9:11] = hook, hook * model.mass * drag
     found = np.linalg.lstsq(gram + np.diag(noise / deviation**2), right, rcond=None)[0]

@@ -10,14 +10,8 @@ import numpy as np
 
 from np_drake import rigid_body
 from np_drake.checks import require
-from np_drake.lifting.model.lifted_model import (
-    STEPS,
-    number_in,
-    read_model,
-    summary_in,
-    write_model,
-)
 from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
+from np_drake.trained_model import STEPS, number_in, read_model, summary_in, write_model
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 

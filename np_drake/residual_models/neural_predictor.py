@@ -1,4 +1,4 @@
-"""The Neural Predictor as a residual model: one class, and one for each way of lifting."""
+"""A lifted linear system as a residual model, `paper` with a refit of its matrices in flight."""
 
 import dataclasses as dc
 from pathlib import Path
@@ -8,7 +8,6 @@ from scipy.linalg import lapack
 
 from np_drake import rigid_body
 from np_drake.checks import require
-from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
 from np_drake.lifting.model.lifted_linear_system import (
     RADIUS,
     DelayEncoder,
@@ -17,32 +16,26 @@ from np_drake.lifting.model.lifted_linear_system import (
     advance,
     stabilized,
 )
-from np_drake.lifting.model.lifted_model import (
-    FAMILIES,
-    MODE_DICTIONARY,
-    LiftedModel,
-    load_model,
-    rotor_lag_of,
-)
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel, load_model
 from np_drake.residual_model import Memory, Sample, WrenchForecast
+from np_drake.trained_model import rotor_lag_of
 
 CUTOFF = 4.0  # of the low-pass on held labels [Hz]
 
 
 class NeuralPredictor:
-    """Neural Predictor, z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.
+    """Predictor of the paper, z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.
 
     A label that is known to be late is lifted at its own time, and z then taken to the present with
     the zeta since.
 
     Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) change
     in flight, these; of a refit rows (W - late, K + 6), the window as it reads it, so that every
-    sample is lifted once; of a family theta (r,) and its covariance (r, r), its recursive estimate;
-    lowpass (6,) of the labels; count of samples in the window, up to W; labels, dropped: samples
-    with and without one so far; gap: dropped in a row just now; where the model has a `trust`, its
-    memory, as trust/…. Until `count` reaches the model's `warm_up` the forecast holds `lowpass`. A
-    missing label is filled with the model's own prediction, a missing state with the last zeta;
-    after W samples in a row without, the window starts afresh.
+    sample is lifted once; lowpass (6,) of the labels; count of samples in the window, up to W;
+    labels, dropped: samples with and without one so far; gap: dropped in a row just now; where the
+    model has a `trust`, its memory, as trust/…. Until the window is full the forecast holds
+    `lowpass`. A missing label is filled with the model's own prediction, a missing state with the
+    last zeta; after W samples in a row without, the window starts afresh.
     Source: Jin et al. 2025, eq. (nmpc).
 
     Args:
@@ -55,13 +48,8 @@ class NeuralPredictor:
             torque in ("hold", "predict"),
             f"NeuralPredictor: torque must be hold | predict; got {torque}.",
         )
-        require(
-            torque != "predict" or model.predicts_torque,
-            "NeuralPredictor: this model must not predict torque; it was trained "
-            "without. Use hold.",
-        )
-        ours = model.configuration in (*FAMILIES, MODE_DICTIONARY)
-        self.name = "np" if ours else f"np-{model.configuration}"
+        own = model.configuration == MODE_DICTIONARY
+        self.name = "np" if own else f"np-{model.configuration}"
         self.model, self.step = model, model.step
         self.rotor_lag = rotor_lag_of(model)  # through which its labels want the command [s]
         self._blend = 1.0 - np.exp(-2 * np.pi * CUTOFF * model.step)
@@ -105,7 +93,7 @@ class NeuralPredictor:
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast from the lifted state.
 
-        Torque (unless predicted), and everything before `warm_up`, is held in `offset`.
+        Torque (unless predicted), and everything before the window is full, is held in `offset`.
         """
         offset, system, z = memory["lowpass"].copy(), self._resampled(memory, stride), memory["z"]
         if self._warm(memory):
@@ -133,7 +121,7 @@ class NeuralPredictor:
 
     def _warm(self, memory: Memory) -> bool:
         """Return whether there are samples enough for a forecast."""
-        return bool(memory["count"][0] >= self.model.warm_up)
+        return bool(memory["count"][0] >= self.model.window)
 
     def _own_prediction(self, memory: Memory) -> np.ndarray:
         """Return what the model expected for this sample before it came, (6,)."""
@@ -141,10 +129,7 @@ class NeuralPredictor:
             return memory["lowpass"]
         s, window, encoder = self.system(memory), memory["window"], self.model.encoder
         z = encoder(window[-1, :6]) if isinstance(encoder, Phi) else memory["z"]
-        chi = s.C @ (s.A @ z + s.B @ window[-1 - self.model.late, 6:])
-        if not self.model.predicts_torque:
-            chi[3:] = memory["lowpass"][3:]
-        return chi
+        return s.C @ (s.A @ z + s.B @ window[-1 - self.model.late, 6:])
 
     def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
         if "A" in memory:
@@ -240,39 +225,8 @@ class WindowRefit:
         return stabilized(solution[:, :K], RADIUS), solution[:, K:] / self._scale
 
 
-class _Adapted:
-    """Family of systems whose theta is estimated in flight."""
-
-    def __init__(self, model: LiftedModel, family: AdaptiveFamily):
-        self.model, self._family = model, family
-
-    def initial_memory(self) -> Memory:
-        """Return A, B, theta and its covariance."""
-        s, family = self.model.system, self._family
-        adapted = {"theta": family.mean.copy(), "covariance": family.covariance.copy()}
-        return {"A": s.A, "B": s.B, **adapted}
-
-    def update(self, memory: Memory, *, warm: bool, labelled: bool) -> Memory:
-        """Return z, and where they change theta, its covariance, A and B."""
-        if not warm:
-            return {}
-        found: Memory = {}
-        theta, window, step = memory["theta"], memory["window"], self.model.step
-        full = memory["count"][0] == self.model.window
-        if full and labelled and memory["labels"][0] % EVERY == 0:
-            theta, covariance = self._family.update(theta, memory["covariance"], window, step)
-            found = {"theta": theta, "covariance": covariance}
-        at, z = self._family.read(window, theta)
-        if at is not memory["theta"]:  # newly estimated, or corrected by the network
-            s = self._family.system(at, step)
-            found |= {"A": s.A, "B": s.B}
-        return {"z": z, **found}
-
-
-def _lifting_of(model: LiftedModel) -> _Windowed | WindowRefit | _Adapted:
+def _lifting_of(model: LiftedModel) -> _Windowed | WindowRefit:
     """Return how windows are lifted in flight."""
-    if isinstance(model.encoder, AdaptiveFamily):
-        return _Adapted(model, model.encoder)
     if isinstance(model.encoder, DelayEncoder):
         return _Windowed(model, model.encoder)
     return WindowRefit(model)

@@ -9,13 +9,15 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import LiftedModel, origin_of, require_origin
+from np_drake.labels import ReadsLabels
+from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.logs.formats.neurobem import TESTS
-from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
+from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.flight_forecasts import model_predictions, walk
 from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.trained_model import origin_of, require_origin
 from np_drake.training_data.segments import (
     Flight,
     SampledFlight,
@@ -212,6 +214,7 @@ def walked_stability(
 
 WARM_UP = 40  # samples before the first origin, at least [1]
 Model = LiftedModel | PayloadFilterModel
+Predictor = NeuralPredictor | PayloadFilter
 DIVERGED = 10.0  # longest forecast over longest label from which a flight counts as diverged [1]
 STEP_TOLERANCE = 0.02  # between a model's step and an array's [1]
 
@@ -234,7 +237,7 @@ def score_flights(
     Raises: ValueError: if a step is not the model's, or a flight too short.
     """
     rows: list[dict[str, Any]] = []
-    predictor, name = _predictor(model), model.configuration
+    predictor, name = predictor_of(model), model.configuration
     for number, flight in enumerate(flights, 1):
         segment, seen = _longest_flown(flight, predictor)
         table = skill_table(
@@ -259,21 +262,19 @@ def flight_name(flight: Flight) -> str:
     return TESTS.get(f"merged_{flight.data.name}", flight.data.name)
 
 
-def _predictor(model: Model) -> NeuralPredictor | PayloadFilter:
-    """Return the predictor of a model; torque is predicted where it was trained."""
+def predictor_of(model: Model) -> Predictor:
+    """Return the predictor of a model, which predicts force and torque."""
     if isinstance(model, PayloadFilterModel):
         return PayloadFilter(model)
-    return NeuralPredictor(model, torque="predict" if model.predicts_torque else "hold")
+    return NeuralPredictor(model, torque="predict")
 
 
-def _longest_flown(
-    flight: Flight, predictor: NeuralPredictor | PayloadFilter
-) -> tuple[Segment, SampledFlight]:
+def _longest_flown(flight: Flight, predictor: Predictor) -> tuple[Segment, SampledFlight]:
     """Return the longest uninterrupted piece of a flight, and that piece as the predictor sees it.
 
     Raises: ValueError: if the predictor was trained on other labels, or nothing usable is left.
     """
-    if not isinstance(predictor, PayloadFilter):
+    if not isinstance(predictor, ReadsLabels):
         require_origin(predictor.model, {"frame": flight.frame})
         piece = _longest_piece(flight, predictor.step)
         return piece, of_wrenches(piece.chi, piece.zeta, piece.step)
@@ -281,7 +282,7 @@ def _longest_flown(
     if not isinstance(flight.data, FlightLog):
         raise ValueError(
             f"{flight.data.name}: must be a flight log, with attitude and command, for "
-            f"{PAYLOAD_FILTER}; got an array."
+            f"{predictor.name}; got an array."
         )
     pieces = flown_segments(flight.data, flight.vehicle, predictor, step=predictor.step)
     require(pieces, f"{flight.data.name}: must hold rows without NaN; got none.")
@@ -294,7 +295,7 @@ def label_distances(model: Model, flights: Sequence[Flight]) -> list[dict[str, A
 
     What a low-pass takes from the target counts as the error of labels that have one.
     """
-    if not isinstance(model, PayloadFilterModel):
+    if isinstance(model, LiftedModel):
         return []
     unlagged, lines = PayloadFilter(dc.replace(model, rotor_lag=0.0)), []
     for flight in flights:
@@ -342,7 +343,7 @@ def flight_stability(model: Model, flights: Sequence[Flight]) -> list[dict[str, 
 
     Raises: ValueError: as `score_flights`.
     """
-    lines, predictor = [], _predictor(model)
+    lines, predictor = [], predictor_of(model)
     for flight in flights:
         _, seen = _longest_flown(flight, predictor)
         found = walked_stability(predictor, seen, _first(model))
@@ -353,4 +354,4 @@ def flight_stability(model: Model, flights: Sequence[Flight]) -> list[dict[str, 
 
 def _first(model: Model) -> int:
     """Return the number of the first sample that a model forecasts from."""
-    return 0 if isinstance(model, PayloadFilterModel) else model.warm_up - 1
+    return model.window - 1 if isinstance(model, LiftedModel) else 0

@@ -8,7 +8,10 @@ import pytest
 
 from np_drake import rigid_body
 from np_drake.labels import LabelConfig, LabelFilter
-from np_drake.residual_model import Sample, constant_forecast
+from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
+from np_drake.payload_filter.predictor import PayloadFilter
+from np_drake.residual_model import Plan, ReadsPlan, Sample, constant_forecast
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.vehicle import Vehicle
@@ -16,7 +19,7 @@ from systems.neural_predictor import NeuralPredictor
 from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
 
-NP_MODEL = Path(__file__).parents[2] / "diagrams" / "models" / "neural_predictor.safetensors"
+NP_MODEL = Path(__file__).parents[2] / "diagrams" / "models" / "learned_bank.safetensors"
 VEHICLE = Vehicle()
 LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
 CHI = np.array([0.5, -0.3, -2.5, 0.01, -0.02, 0.005])
@@ -84,25 +87,52 @@ def test_forecast_feeds_through_and_chi_hat_waits_for_the_event():
     np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), CHI)
 
 
-def neural_predictor_on_labels():
-    return on_labels(NeuralPredictor(NeuralPredictorModel.load(NP_MODEL), horizon=4, stride=2))
+D, N, STRIDE = 3, 4, 2
+HOVER = np.tile(LEVEL, (N + 1, 1)), np.tile(VEHICLE.hover_input, (N, 1))
 
 
-def test_a_neural_predictor_is_its_model_in_a_context():
-    dut, context = neural_predictor_on_labels()
-    model = NeuralPredictorModel.load(NP_MODEL)
+def lifted_predictor():
+    """Of the last samples; its model keeps a window of D."""
+    rng, ones = np.random.default_rng(0), np.ones(6)
+    system = LiftedLinearSystem(0.9 * np.eye(6), 0.1 * np.eye(6), np.eye(6), 0.02)
+    encoder = DelayEncoder(rng.normal(size=(6, 12 * D)), D)
+    return NeuralPredictorModel(LiftedModel(MODE_DICTIONARY, system, encoder, D, ones, ones))
+
+
+def packaged():
+    return PayloadFilter.load(NP_MODEL)
+
+
+def predictor_on_labels(make=packaged):
+    model = make()
+    system = NeuralPredictor if isinstance(model, NeuralPredictorModel) else ResidualPredictor
+    dut, context = on_labels(system(model, horizon=N, stride=STRIDE))
+    for name, values in zip(("plan_x", "plan_u"), HOVER, strict=True):
+        if dut.HasInputPort(name):
+            dut.GetInputPort(name).FixValue(context, values.ravel())
+    return dut, context
+
+
+@pytest.mark.parametrize("make", [packaged, lifted_predictor])
+def test_a_predictor_is_its_model_in_a_context(make):
+    dut, context = predictor_on_labels(make)
+    model = make()
     memory, rng = model.initial_memory(), np.random.default_rng(1)
-    flown = CHI + 0.1 * rng.normal(size=(model.model.window + 4, 6))
-    for chi in flown:
+    for chi in CHI + 0.1 * rng.normal(size=(60, 6)):
         memory = model.update(memory, Sample(LEVEL, VEHICLE.hover_input, chi))
         dut.GetInputPort("label").FixValue(context, chi)
         event(dut, context)
-    expected = model.forecast(memory, horizon=4, stride=2).first
+    if isinstance(model, ReadsPlan):
+        expected = model.forecast_along(memory, Plan(*HOVER), horizon=N, stride=STRIDE).first
+    else:
+        expected = model.forecast(memory, horizon=N, stride=STRIDE).first
     np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), expected, atol=1e-12)
     state = dut.memory(context)
     assert {n: v.shape for n, v in state.items()} == {n: np.shape(v) for n, v in memory.items()}
-    np.testing.assert_allclose(state["z"], memory["z"], atol=1e-12)
-    np.testing.assert_array_equal(state["window"][:, :6], flown[-model.model.window :])
+    if isinstance(dut, NeuralPredictor):
+        for index, name in ((dut.z_index, "z"), (dut.window_index, "window")):
+            found = context.get_discrete_state(index).value()
+            np.testing.assert_allclose(found, memory[name].ravel(), atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +140,7 @@ def test_a_neural_predictor_is_its_model_in_a_context():
     [
         (lambda: estimator_under(CHI), "u", "last_label"),
         (hold_on_labels, "label", "chi_hat"),
-        (neural_predictor_on_labels, "label", "chi_hat"),
+        (predictor_on_labels, "label", "chi_hat"),
     ],
 )
 def test_two_contexts_of_one_system_never_influence_each_other(make, port, output):
@@ -131,15 +161,12 @@ def test_two_contexts_of_one_system_never_influence_each_other(make, port, outpu
     np.testing.assert_array_equal(interleaved, alone)
 
 
-N, STEP, STRIDE = 4, 0.02, 2
-
-
 @dc.dataclass
 class FollowsThePlan:
     """Forecasts what is planned: the force is the velocity, the torque that of the command."""
 
     name: str = "follower"
-    step: float = STEP
+    step: float = 0.02
 
     def initial_memory(self):
         return {"seen": np.zeros(1)}

@@ -11,6 +11,11 @@ The forecast for a held zeta is the encoder's alone. z therefore carries the las
 (z_zeta), and B acts on the difference: a+ = A a + B (zeta - z_zeta). So a held zeta leaves the held
 forecast untouched, and B is free to learn only what the coming motion adds. In one lifted linear
 system: [[A, -B], [0, level]], [[B], [0]].
+
+The encoder is found horizon by horizon first. For zeta held at its last value a lifted linear
+system answers chi_hat_h = C A^h E w (+ constant): one linear map W_h of the window a horizon.
+Fitted freely, by ridge on delayed samples with flights weighted alike, W_h bounds what any of them
+can do; E is the closest to it.       Source: own choice; the two steps of subspace identification.
 """
 
 import dataclasses as dc
@@ -27,19 +32,162 @@ from np_drake.lifting.model.lifted_linear_system import (
 )
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.excitation import training_summary
-from np_drake.lifting.training.linear_fits import (
-    GROUPS,
-    TURNS,
-    Moments,
-    horizon_grid,
-    horizon_ridge,
-    moments_of,
-    relative_error,
-    sample_scale,
-    symmetrised,
-)
-from np_drake.training_data.segments import Segment, check_segments
+from np_drake.lifting.training.excitation import training_summary, turns
+from np_drake.training_data.segments import Segment, check_segments, group_scale
+
+
+def sample_scale(segments: Sequence[Segment]) -> np.ndarray:
+    """Return scales of a sample [chi, zeta], (12,): one each for force, torque, v and omega [N,
+    N·m, m/s, rad/s].
+    """
+    chi = group_scale([segment.goal for segment in segments], centred=True)
+    return np.concatenate([chi, group_scale([segment.zeta for segment in segments], centred=True)])
+
+
+GROUPS = (slice(0, 3), slice(3, 6))  # force, torque
+TURNS = tuple(turns(np.eye(6)))  # (6, 6) each: row vectors chi and zeta times it are their images
+NOW = 100.0  # power at horizon 0, where nothing is to be forecast, in units of that one step ahead
+CONSTANT = 1e-9  # ridge of the constant feature, whose own power is 1
+
+
+@dc.dataclass(frozen=True)
+class Moments:
+    """Second moments of one flight, scaled.
+
+    The last of the p features is the constant 1.
+    power: (H, 2) squared error of the better naive row: mean squared change of force and of torque
+        over the horizon, or
+    their variance where that is less.
+    """
+
+    gram: np.ndarray  # (p, p) of the features
+    cross: np.ndarray  # (p, H, 6) of features and goals
+    square: np.ndarray  # (H, 6) of the goals
+    power: np.ndarray
+
+
+def flight_moments(
+    samples: np.ndarray,
+    goal: np.ndarray,
+    *,
+    taps: DelayTaps,
+    horizons: np.ndarray,
+    max_origins: int,
+    symmetry: float,
+) -> Moments:
+    """Return the moments of a flight over evenly thinned origins.
+
+    Args:
+        samples: (n, 12) [chi, zeta], scaled.
+        goal: (n, 6), scaled.
+        horizons: ascending [steps].
+        symmetry: share of the moments that is averaged over quarter turns about body z and the
+            mirror y -> -y, 0 … 1. The mean of the images is that of a perfectly symmetric airframe.
+    """
+    first, last = taps.delay - 1, len(samples) - int(horizons[-1])
+    origins = np.arange(first, last, max(1, -(-(last - first) // max_origins)))
+    F = np.hstack([taps.features(samples, origins), np.ones((len(origins), 1))])
+    Y = goal[origins[:, None] + horizons]
+    gram = F.T @ F / len(F)
+    cross = (F.T @ Y.reshape(len(F), -1) / len(F)).reshape(-1, len(horizons), 6)
+    change = np.mean((Y - samples[origins, None, :6]) ** 2, axis=0)
+    power = np.minimum(_grouped(change), _grouped(np.var(Y, axis=0)))
+    power[horizons == 0] = NOW * power[horizons > 0].min(axis=0)
+    if symmetry > 0:
+        gram, cross = symmetrised(
+            gram, cross, [_turned(gram, cross, turn) for turn in TURNS], symmetry
+        )
+    return Moments(gram, cross, np.mean(Y**2, axis=0), np.maximum(power, 1e-12))
+
+
+def moments_of(segments: Sequence[Segment], scale: np.ndarray, **options) -> list[Moments]:
+    """Return the moments of all flights, scaled.
+
+    Args:
+        scale: (12,) of [chi, zeta] [N, N·m, m/s, rad/s].
+        options: of `flight_moments`.
+    """
+    samples = [np.hstack([s.chi, s.zeta]) / scale for s in segments]
+    return [
+        flight_moments(x, s.goal / scale[:6], **options)
+        for x, s in zip(samples, segments, strict=True)
+    ]
+
+
+def relative_error(flight: Moments, W: np.ndarray) -> np.ndarray:
+    """Return the mean squared error of a forecast over `power`, (H, 2), force and torque [1].
+
+    Args:
+        W: (p, H, 6) weights of the features.
+    """
+    explained = np.einsum("phc,phc->hc", W, 2 * flight.cross)
+    explained -= np.einsum("phc,phc->hc", W, np.tensordot(flight.gram, W, axes=1))
+    return _grouped(flight.square - explained) / flight.power
+
+
+def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
+    """Return the weights W_h of the features, (p, H, 6); the error of each flight counts relative
+    to its `power`.
+
+    Args:
+        noise: deviation of white noise that the features are taken to have [scaled]. It keeps W_h
+            from differencing what another flight's filter or sensor makes differently.
+    """
+    p, H, _ = flights[0].cross.shape
+    W = np.empty((p, H, 6))
+    ridge = np.full(p, noise**2)
+    ridge[-1] = CONSTANT
+    for h in range(H):
+        for k, group in enumerate(GROUPS):
+            weight = np.array([1.0 / flight.power[h, k] for flight in flights])
+            weight /= weight.sum()
+            gram = sum(w * flight.gram for w, flight in zip(weight, flights, strict=True))
+            cross = sum(
+                w * flight.cross[:, h, group] for w, flight in zip(weight, flights, strict=True)
+            )
+            # Ridge: (sum_f w_f G_f + diag(noise²)) W_h = sum_f w_f X_f'Y_f
+            W[:, h, group] = np.linalg.solve(gram + np.diag(ridge), cross)
+    return W
+
+
+def symmetrised(
+    gram: np.ndarray,
+    cross: np.ndarray,
+    images: Sequence[tuple[np.ndarray, np.ndarray]],
+    share: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return moments of which a share is averaged over their images.
+
+    Args:
+        share: of the average [1].
+    """
+    grams, crosses = (np.mean(moments, axis=0) for moments in zip(*images, strict=True))
+    return (1 - share) * gram + share * grams, (1 - share) * cross + share * crosses
+
+
+def horizon_grid(longest: int, count: int) -> np.ndarray:
+    """Return whole numbers from 0 on, evenly spaced on a logarithmic axis.
+
+    Args:
+        longest: the last of them [steps].
+        count: how many at most [1].
+    """
+    return np.unique(np.concatenate([[0], np.round(np.geomspace(1, longest, count - 1))])).astype(
+        int
+    )
+
+
+def _grouped(square: np.ndarray) -> np.ndarray:
+    """Sum (H, 6) over force and torque to (H, 2)."""
+    return np.stack([square[:, group].sum(axis=1) for group in GROUPS], axis=1)
+
+
+def _turned(gram: np.ndarray, cross: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the moments of the turned flight."""
+    taps = (len(gram) - 1) // 12
+    T = np.eye(len(gram))
+    T[:-1, :-1] = np.kron(np.eye(2 * taps), turn)
+    return T.T @ gram @ T, np.einsum("ap,ahc,cd->phd", T, cross, turn, optimize=True)
 
 
 @dc.dataclass(frozen=True)
@@ -177,7 +325,7 @@ def fit_response(
             floor = (energy @ (1.0 / left)).reshape(len(poles), len(poles))
             gram = gram + noise**2 * np.kron(floor, np.eye(6))
         gram, cross = symmetrised(
-            gram, cross, [_turned(gram, cross, group, turn) for turn in TURNS], symmetry
+            gram, cross, [_turned_response(gram, cross, group, turn) for turn in TURNS], symmetry
         )
         settled = (1.0 / (1.0 - poles)) / strength  # of a mode, per unit of B and of zeta held
         solution = np.linalg.solve(gram + np.diag(np.repeat(settled**2, 6)), cross)
@@ -186,7 +334,7 @@ def fit_response(
     return B
 
 
-def _turned(
+def _turned_response(
     gram: np.ndarray, cross: np.ndarray, group: slice, turn: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the moments of the turned flight."""
@@ -254,7 +402,7 @@ def train_mode_dictionary(
     """
     segments = check_segments(segments, config.delay + config.horizon + 1)
     step = float(np.median([segment.step for segment in segments]))
-    scale = sample_scale(segments, "goal")
+    scale = sample_scale(segments)
     options = {"taps": config.taps, "horizons": config.grid, "max_origins": config.max_origins}
     flights: list[Moments] = []
     for number, segment in enumerate(segments):
@@ -337,6 +485,5 @@ def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> Li
         config.delay,
         scale[:6],
         scale[6:],
-        True,
         trust=trust,
     )

@@ -34,7 +34,6 @@ from np_drake.lifting.model.lifted_linear_system import RADIUS, LiftedLinearSyst
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation, turns
-from np_drake.lifting.training.family_training import descend_once
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 
@@ -92,6 +91,15 @@ def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
     with torch.no_grad():
         U, _, Vh = torch.linalg.svd(W, full_matrices=False)
     return W * (gain / (U[:, 0] @ W @ Vh[0]))
+
+
+def descend_once(optimiser: torch.optim.Optimizer, loss: torch.Tensor) -> None:
+    """Take one step of gradient descent, no longer than 1 in all parameters together."""
+    optimiser.zero_grad()
+    loss.backward()
+    parameters = [value for group in optimiser.param_groups for value in group["params"]]
+    torch.nn.utils.clip_grad_norm_(parameters, 1.0)
+    optimiser.step()
 
 
 def _initial_weights(sizes: list[int], generator: torch.Generator) -> list[torch.Tensor]:
@@ -370,7 +378,6 @@ class PaperTrainer:
             self.config.window + self.late,
             self.chi_scale,
             self.zeta_scale,
-            True,
             summary,
             ridge=self.ridge,
             late=self.late,

@@ -5,31 +5,16 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from np_drake.checks import require
-from np_drake.lifting.model.lifted_model import (
-    BY_AXES,
-    FAMILIES,
-    LIFTED,
-    MODE_DICTIONARY,
-    NEURAL,
-    PAPER,
-    LiftedModel,
-)
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
 from np_drake.lifting.training.mode_dictionary import ModeDictionaryConfig, train_mode_dictionary
-from np_drake.lifting.training.network_training import NeuralConfig, train_neural
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
 from np_drake.training_data.segments import Segment
 
 C = TypeVar("C")
-Config = LiftedConfig | NeuralConfig | ModeDictionaryConfig | PaperConfig
-DEFAULT_CONFIG = LiftedConfig()
-CONFIGURATIONS: dict[str, Config] = {
-    LIFTED: DEFAULT_CONFIG,
-    PAPER: PaperConfig(),
-    NEURAL: NeuralConfig(),
-    MODE_DICTIONARY: ModeDictionaryConfig(),
-}
+Config = ModeDictionaryConfig | PaperConfig
+DEFAULT_CONFIG = PaperConfig()
+CONFIGURATIONS: dict[str, Config] = {PAPER: DEFAULT_CONFIG, MODE_DICTIONARY: ModeDictionaryConfig()}
 
 
 @dc.dataclass(frozen=True)
@@ -48,8 +33,7 @@ def train(
     Args:
         segments: uninterrupted flights at one step.
         config: of one of the `CONFIGURATIONS`.
-        on_epoch: called with (epoch, total, loss); for `lifted` an epoch is one step of gradient
-            descent.
+        on_epoch: called with (epoch, total, loss).
     Raises: ValueError: if the segments are unusable.
     """
     run = _TRAINERS[type(config)]
@@ -58,41 +42,27 @@ def train(
     return TrainingResult(dc.replace(model, summary=summary), loss)
 
 
-def suited(configuration: str, frame: str) -> str:
-    """Return the configuration, or the one that suits the axes where none is named.
-
-    Args:
-        configuration: any name, or empty.
-        frame: axes of the wrenches, world | body.
-    Raises: ValueError: on an unknown frame.
-    """
-    require(frame in BY_AXES, f"train: frame must be {' | '.join(BY_AXES)}; got {frame}.")
-    return configuration or BY_AXES[frame]
-
-
 def make_config(
     configuration: str, *, frame: str = "world", epochs: int | None = None, **settings
 ) -> Config:
     """Return the configuration of that name with the given settings.
 
     Args:
-        configuration: a key of `CONFIGURATIONS`; empty for the one that suits the axes.
+        configuration: a key of `CONFIGURATIONS`.
         frame: axes of the wrenches, world | body.
-        epochs: of training, or steps; None: the default. One in closed form has none.
+        epochs: of training; None: the default. A configuration in closed form has none.
         settings: fields of the configuration.
-    Raises: ValueError: on an unknown name, frame or setting.
+    Raises: ValueError: on an unknown name or setting, or where wrenches in these axes need another.
     """
-    configuration = suited(configuration, frame)
     require(
-        (configuration not in FAMILIES or frame == "world")
-        and (configuration != MODE_DICTIONARY or frame == "body"),
-        f"train: wrenches in {frame} axes need {BY_AXES[frame]}; got {configuration}.",
+        configuration != MODE_DICTIONARY or frame == "body",
+        f"train: {MODE_DICTIONARY} needs wrenches in body axes; these are in {frame} axes.",
     )
     names = {field.name for field in dc.fields(CONFIGURATIONS.get(configuration, DEFAULT_CONFIG))}
     if frame != "world" and "symmetric" in names:
         settings = {"symmetric": False} | settings
-    if epochs is not None:
-        settings |= dict.fromkeys(names & {"epochs", "steps", "updates"}, epochs)
+    if epochs is not None and "epochs" in names:
+        settings["epochs"] = epochs
     return configured(CONFIGURATIONS, configuration, settings)
 
 
@@ -114,6 +84,4 @@ def configured(configurations: Mapping[str, C], name: str, settings: Mapping[str
 _TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
     ModeDictionaryConfig: train_mode_dictionary,
     PaperConfig: train_paper,
-    LiftedConfig: train_lifted,
-    NeuralConfig: train_neural,
 }

@@ -180,7 +180,7 @@ def test_a_controller_that_fails_leaves_the_others_to_compare(tmp_path, monkeypa
     assert "Fails failed" in Path("o/hover_comparison.html").read_text()
 
 
-@pytest.mark.parametrize("model", [FILTER_MODEL])
+@pytest.mark.parametrize("model", [FILTER_MODEL, NP_MODEL])
 def test_a_model_file_is_flown_by_the_controller_that_it_is_for(model, capsys):
     words = [
         word for kind in ("nominal", "np", "payload_filter") for word in ("--controller", kind)

@@ -19,7 +19,8 @@ from np_drake.payload_filter.model_file import PayloadFilterModel
 def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
     out = tmp_path / "np.safetensors"
     metrics = tmp_path / "train.json"
-    code = run(f"train {logs[0]} --out {out} --envelope 0 --epochs 20 --json {metrics}".split())
+    words = f"--configuration paper --epochs 2 --json {metrics}".split()
+    code = run(["train", str(logs[0]), "--out", str(out), *words])
     captured = capsys.readouterr()
     assert code == 0, captured.err
     assert sorted(path.name for path in tmp_path.iterdir()) == [
@@ -28,11 +29,11 @@ def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
         "train.json",
     ]
     model = load_model(out)
-    assert (model.configuration, model.encoder.mean.shape) == ("lifted", (0,))
+    assert model.configuration == "paper"
     assert "excitation" in captured.out
     content = json.loads(metrics.read_text())
-    assert content["config"]["configuration"] == "lifted"
-    assert len(content["loss"]) > 0
+    assert content["config"]["configuration"] == "paper"
+    assert len(content["loss"]) == 2
 
 
 @pytest.fixture(scope="module")
@@ -44,21 +45,45 @@ def flown(tmp_path_factory):
     return folder / "training_circle_nominal.csv"
 
 
-def test_a_log_places_the_packaged_family(flown, tmp_path, capsys):
-    out = tmp_path / "np.safetensors"
-    assert run(["train", str(flown), "--out", str(out)]) == 0, capsys.readouterr().err
-    assert "prior: the packaged family" in capsys.readouterr().out
-    model, packaged = load_model(out), load_model(NP_MODEL)
-    np.testing.assert_array_equal(model.encoder.covariance, packaged.encoder.covariance)
-    assert np.abs(model.encoder.mean - packaged.encoder.mean).max() > 0
+@pytest.mark.parametrize("mass", [2.0, 0.5])
+def test_a_log_tells_the_vehicle_and_the_packaged_model_the_rest(mass, flown, tmp_path, capsys):
+    out, file = tmp_path / "np.safetensors", tmp_path / "vehicle.yaml"
+    file.write_text(f"mass: {mass}\n")
+    words = ["train", str(flown), "--out", str(out), "--vehicle", str(file)]
+    assert run(words) == 0, capsys.readouterr().err
+    assert "configuration: learned" in capsys.readouterr().out
+    model, packaged = PayloadFilterModel.load(out), PayloadFilterModel.load(NP_MODEL)
+    assert (model.bank, model.learned) == (packaged.bank, packaged.learned)
+    assert model.mass == mass
+    assert model.summary["origin"]["mass"] == mass
+    assert not (tmp_path / "np.png").exists()
+
+
+def test_arrays_in_body_axes_train_what_suits_them(tmp_path, capsys):
+    array, out = tmp_path / "flight.npy", tmp_path / "np.safetensors"
+    rng = np.random.default_rng(0)
+    np.save(array, np.cumsum(0.1 * rng.standard_normal((900, 12)), axis=0))
+    assert run(["train", str(array), "--out", str(out)]) == 0, capsys.readouterr().err
+    assert load_model(out).configuration == "mode-dictionary"
+    capsys.readouterr()
+    for name, word in (("learned", "must have flight logs"), ("payload_filter", "flight logs")):
+        assert run(["train", str(array), "--configuration", name, "--out", str(out)]) == 2
+        assert word in capsys.readouterr().err
+
+
+def test_only_learned_priors_come_from_the_envelope(tmp_path, capsys):
+    words = ["train", "--envelope", "2", "--configuration", "paper", "--out"]
+    assert run([*words, str(tmp_path / "np.safetensors")]) == 2
+    assert "--envelope: must be of learned; got paper" in capsys.readouterr().err
 
 
 @pytest.mark.nightly
-def test_a_family_is_flown_and_trained_without_a_log(tmp_path, capsys):
+def test_the_envelope_is_flown_and_learnt_without_a_log(tmp_path, capsys):
     out = tmp_path / "np.safetensors"
-    arguments = ["train", "--envelope", "2", "--epochs", "3", "--jobs", "1", "--out", str(out)]
+    arguments = ["train", "--envelope", "2", "--jobs", "1", "--out", str(out)]
     assert run(arguments) == 0, capsys.readouterr().err
-    assert load_model(out).encoder.mean.shape == (1,)
+    assert PayloadFilterModel.load(out).learned == {"flights": 2, "seed": 0}
+    assert out.with_suffix(".png").exists()
     assert "2 of 2 flights" not in capsys.readouterr().out  # a bar, not a table
 
 

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from diagrams.loop.controller_config import NP_MODEL, ControllerConfig
-from diagrams.loop.controllers import make_residual_model
+from diagrams.loop.controllers import kind_of_model, make_residual_model
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_result import LostVehicle, fly
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.lifting.model.lifted_model import load_model
+from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel, save_model
+from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.config import ReferenceConfig
 from np_drake.residual_models.neural_predictor import NeuralPredictor
@@ -30,18 +32,24 @@ def circle(kind="payload_filter", delay=0.0, *, speed=1.5, **controller):
 
 
 def test_each_kind_flies_the_packaged_model_of_its_name_on_its_own_vehicle():
-    for kind, expected in (("np", NeuralPredictor), ("payload_filter", PayloadFilter)):
+    for kind, configuration in (("np", LEARNED_BANK), ("payload_filter", PAYLOAD_FILTER)):
         model = make_residual_model(ControllerConfig(kind), Vehicle())
-        assert isinstance(model, expected)
-        assert model.name == kind
+        assert isinstance(model, PayloadFilter)
+        assert model.model.configuration == configuration
         with pytest.raises(ValueError, match="mass"):
             make_residual_model(ControllerConfig(kind), Vehicle(mass=1.0))
 
 
-def test_the_shipped_model_is_stable_for_every_payload():
-    family, rng = load_model(NP_MODEL).encoder, np.random.default_rng(0)
-    for theta in rng.multivariate_normal(family.mean, 4 * family.covariance, size=50):
-        assert family.system(theta, 0.02).spectral_radius <= 1.0
+def test_a_lifted_linear_system_flies_as_np_too(tmp_path):
+    path, ones = tmp_path / "model.safetensors", np.ones(6)
+    system = LiftedLinearSystem(0.9 * np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
+    encoder = DelayEncoder(np.eye(6, 12), 1)
+    save_model(LiftedModel(MODE_DICTIONARY, system, encoder, 1, ones, ones), path)
+    config = ControllerConfig("np", predictor=str(path))
+    assert isinstance(make_residual_model(config, Vehicle()), NeuralPredictor)
+    assert kind_of_model(str(path)) == kind_of_model(str(NP_MODEL)) == "np"
+    with pytest.raises(ValueError, match="step must equal the period"):
+        make_residual_model(dc.replace(config, period=0.01), Vehicle())
 
 
 def test_the_payload_filter_finds_a_delay_in_flight_and_holds_the_circle():

@@ -1,60 +1,64 @@
-"""Laws of the flights over the envelope of a vehicle, and of the share of a network that flies."""
+"""Laws of learning over the envelope of a vehicle."""
 
-from types import SimpleNamespace
+import dataclasses as dc
+import math
 
+import numpy as np
 import pytest
 
-from diagrams.batch.run import unpacked
-from diagrams.loop.controller_config import NP_MODEL
-from diagrams.studies.learning import (
-    LENGTH,
-    MASS,
-    SPEED,
-    envelope_flight,
-    flown_segment,
-    flown_share,
-)
-from np_drake.lifting.model.lifted_model import load_model
+from diagrams.loop.controller_config import FILTER_MODEL
+from diagrams.studies import learning
+from diagrams.studies.learning import FIRST, flown_error, learn_priors
+from np_drake.payload_filter.bank_options import Prior
+from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.vehicle import Vehicle
 
-
-def test_flights_lie_within_the_envelope():
-    for number in range(40):
-        config = envelope_flight(number, seed=3, vehicle=Vehicle())
-        hung = config.reality.payload
-        assert hung.tether == "none" or (
-            MASS[0] <= hung.mass <= MASS[1] and LENGTH[0] <= hung.length <= LENGTH[1]
-        )
-        assert SPEED[0] <= config.reference.speed <= SPEED[1]
+HOW = {"model": PayloadFilterModel.load(FILTER_MODEL), "seed": 3, "vehicle": Vehicle()}
 
 
 @pytest.mark.nightly
-def test_what_is_learnt_is_what_a_vehicle_measures():
-    arrays = unpacked(flown_segment({"flight": 2}, seed=3, vehicle=Vehicle())["segment"])
-    config = envelope_flight(2, seed=3, vehicle=Vehicle())
-    weight = config.reality.payload.mass * 9.81
-    drift = (config.reality.thrust_scale - 1.0) * (Vehicle().mass * 9.81 + weight)
-    assert arrays["goal"][200:, 2].mean() == pytest.approx(-weight + drift, abs=0.15 * weight + 0.3)
-    assert set(arrays) == {"chi", "zeta", "goal"}
+def test_the_error_of_a_drawn_flight_is_that_of_its_track_and_repeats():
+    error = flown_error(5, **HOW)
+    assert math.log(1e-3) < error < math.log(0.1)
+    assert flown_error(5, **HOW) == error
 
 
-def flying(error):
-    """Stand-in of a run whose flight with a share errs by error(share), or is lost: None."""
+def test_what_cannot_be_flown_counts_for_nothing(monkeypatch):
+    def refuse(*_, **__):
+        raise ValueError("too heavy")
 
-    def cases(title, what, work, cases, **more):
-        errors = [error(case["share"]) for case in cases]
-        return [{"error": "lost"} if e is None else {"result": {"error": e}} for e in errors]
-
-    return SimpleNamespace(seed=0, cases=cases)
+    monkeypatch.setattr(learning, "drawn_flight", refuse)
+    assert flown_error(0, **HOW) is None
 
 
-@pytest.mark.parametrize(
-    "error, best", [(lambda s: 1 + (s - 0.5) ** 2, 0.5), (lambda s: 2 - s if s < 1 else None, 0.75)]
-)
-def test_the_share_that_flies_best_is_used(error, best):
-    model = load_model(NP_MODEL)
-    chosen = flown_share(model, 40, run=flying(error), vehicle=Vehicle())
-    assert chosen.encoder.network.share == pytest.approx(best * model.encoder.network.share)
-    assert chosen.summary["network"]["flights_flown"] == 4
-    alone = model.without_network
-    assert flown_share(alone, 40, run=flying(error), vehicle=Vehicle()) is alone
+BEST = {"change": 0.05, "push": 0.5, "damping": 0.12}  # of the made error
+
+
+def found(options):
+    """The numbers that the made error asks for, by name."""
+    own = {"push": options.push[1], "damping": options.damping.deviation}
+    return {"change": options.change, **own}
+
+
+def error(options):
+    far = [math.log(value / BEST[name]) for name, value in found(options).items()]
+    return 1.0 + sum(d**2 for d in far)
+
+
+def test_the_search_finds_the_priors_of_least_error_and_changes_no_others():
+    told = []
+    best, course = learn_priors(FIRST, error, lambda *trial: told.append(trial))
+    for name, value in found(best).items():
+        assert abs(math.log(value / BEST[name])) < math.log(1.3)
+    assert np.all(np.diff(course) <= 0)
+    assert course[-1] == error(best)
+    done, total, least = told[-1]
+    assert (done, least) == (total, course[-1])
+    damping, push = Prior(FIRST.damping.mean, best.damping.deviation), list(FIRST.push)
+    push[1] = best.push[1]
+    assert best == dc.replace(FIRST, change=best.change, damping=damping, push=tuple(push))
+
+
+def test_a_gain_that_chance_would_give_changes_nothing():
+    best, _ = learn_priors(FIRST, lambda o: 1.0 + 1e-4 * o.change, lambda *_: None)
+    assert best == FIRST

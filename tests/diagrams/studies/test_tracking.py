@@ -54,19 +54,30 @@ def test_the_verb_trains_each_once_and_prints_and_writes_the_same_table(
     tmp_path, short_experiments, capsys
 ):
     out, metrics = tmp_path / "table.md", tmp_path / "table.json"
-    only = ["--only", "np", "--only", "np: lifted", "--seeds", "1", "--jobs", "1", "--seed", "40"]
+    only = [
+        "--only",
+        "np",
+        "--only",
+        "payload_filter",
+        "--seeds",
+        "1",
+        "--jobs",
+        "1",
+        "--seed",
+        "40",
+    ]
     files = ["--markdown", str(out), "--json", str(metrics), "--out", str(tmp_path / "out")]
     assert run(["reproduce", "tracking", *only, *files]) == 0, capsys.readouterr().err
     rows = [line.split(" | ") for line in out.read_text().splitlines() if line.startswith("| ")]
-    assert [row[1] for row in rows] == ["controller", *2 * ["nominal", "np: lifted", "np"]]
+    assert [row[1] for row in rows] == ["controller", *2 * ["nominal", "np", "payload_filter"]]
     content = json.loads(metrics.read_text())
     assert (content["config"]["training_seed"], content["config"]["seeds"]) == (40, [41])
-    assert set(content["config"]["configurations"]) == {"lifted", "neural"}
+    assert set(content["config"]["configurations"]) == {"learned", "payload_filter"}
     assert f"{100 * content['table'][0]['E_xy']:.2f}" in rows[1][2]
     assert rows[1][2] in capsys.readouterr().out
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {
-        "lifted_training_circle.safetensors",
-        "neural_training_circle.safetensors",
+        "learned_training_circle.safetensors",
+        "payload_filter_training_circle.safetensors",
         "plane_tracks.png",
     }
 

@@ -7,8 +7,6 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.training.family_training import LiftedConfig
-from np_drake.lifting.training.train import TrainingResult, train
 from np_drake.training_data.segments import Segment
 
 STEP, MASS, LOAD, LENGTH, HOOK, G = 0.02, 2.0, 0.26, 0.8, 0.025, 9.81
@@ -127,9 +125,3 @@ def plain() -> Flight:
 def lemniscate() -> Flight:
     """20 s of a path that no training has seen."""
     return fly("lemniscate", duration=20.0, seed=2)
-
-
-@pytest.fixture(scope="session")
-def trained(dithered) -> TrainingResult:
-    """The default configuration, in half its steps."""
-    return train([dithered.segment], LiftedConfig(steps=1200))

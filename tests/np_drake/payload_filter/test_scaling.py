@@ -6,13 +6,18 @@ import math
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.lifted_model import read_tensors, write_model
 from np_drake.payload_filter import kernel
-from np_drake.payload_filter.filter_bank import BankOptions
+from np_drake.payload_filter.bank_options import BankOptions
 from np_drake.payload_filter.kernel import PARAMETERS, POINT, weigh_bank
-from np_drake.payload_filter.model_file import SCHEMA, PayloadFilterModel
+from np_drake.payload_filter.model_file import (
+    LEARNED_BANK,
+    PAYLOAD_FILTER,
+    SCHEMA,
+    PayloadFilterModel,
+)
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Plan, Sample
+from np_drake.trained_model import read_tensors, write_model
 from np_drake.vehicle.scaling import Scales
 from tests.np_drake.payload_filter.conftest import flown, model
 
@@ -69,25 +74,30 @@ def test_a_small_vehicle_looks_for_short_tethers_that_swing_fast():
     assert paper.scaled(model().unit) == paper
     dut = paper.scaled(unit_of(0.25))
     assert dut.lengths == tuple(0.25 * length for length in paper.lengths)
-    assert (dut.memory, dut.duration[2]) == (0.5 * paper.memory, 0.5 * paper.duration[2])
+    for name in ("memory", "duration", "push_time"):
+        assert getattr(dut, name) == tuple(0.5 * time for time in getattr(paper, name))
     assert (dut.drag.deviation, dut.change) == (2 * paper.drag.deviation, 2 * paper.change)
     assert dut.swing_noise[1] == 0.5 * paper.swing_noise[1]  # L² / T³
     assert (dut.push, dut.least_noise, dut.mass) == (paper.push, paper.least_noise, paper.mass)
 
 
 def test_a_model_file_gives_back_the_model_and_lacks_nothing(tmp_path):
-    path, before = tmp_path / "m.safetensors", dc.replace(model(), arm=0.05, summary={"samples": 3})
+    path, learned = tmp_path / "m.safetensors", {"bank": FEW, "learned": {"flights": 3}}
+    before = dc.replace(model(), arm=0.05, summary={"samples": 3}, **learned)
     before.save(path)
     after = PayloadFilterModel.load(path)
+    assert (model().configuration, after.configuration) == (PAYLOAD_FILTER, LEARNED_BANK)
     assert all(np.array_equal(vars(after)[name], value) for name, value in vars(before).items())
-    tensors, _ = read_tensors(path, SCHEMA)
-    for missing in ("arm", "delay", "hook"):
+    tensors, header = read_tensors(path, SCHEMA)
+    for missing in ("arm", "delay", "hook", "bank"):
         kept = {name: value for name, value in tensors.items() if name != missing}
-        write_model(kept, SCHEMA, {"summary": {}}, path)
+        kinds = {name: value for name, value in header.items() if name != missing}
+        write_model(kept, SCHEMA, kinds, path)
         with pytest.raises(ValueError, match=rf"^{path}: .* lacks '{missing}'; train it again$"):
             PayloadFilterModel.load(path)
 
 
+FEW = BankOptions(lengths=(0.4, 0.9))
 FIRST = np.array([0.5, 0.3, 0.2])
 
 

@@ -20,21 +20,19 @@ B = 0.1 * np.arange(36.0).reshape(6, 6) / 36
 GAP = np.full(6, np.nan)
 
 
-def last_sample_model(torque: bool = True) -> LiftedModel:
+def last_sample_model() -> LiftedModel:
     """z is chi of the last sample: the true law of `sequence`."""
     E = np.zeros((6, 12 * D))
     E[:, 12 * (D - 1) : 12 * (D - 1) + 6] = np.eye(6)
     system = LiftedLinearSystem(A, B, np.eye(6), STEP)
-    return LiftedModel(
-        MODE_DICTIONARY, system, DelayEncoder(E, D), D, np.ones(6), np.ones(6), torque
-    )
+    return LiftedModel(MODE_DICTIONARY, system, DelayEncoder(E, D), D, np.ones(6), np.ones(6))
 
 
 def paper_model() -> LiftedModel:
     """z = chi through Phi with relu(chi) - relu(-chi)."""
     weights = (np.vstack([np.eye(6), -np.eye(6)]), np.hstack([np.eye(6), -np.eye(6)]))
     system, ones = LiftedLinearSystem(A, B, np.eye(6), STEP), np.ones(6)
-    return LiftedModel(PAPER, system, Phi(weights, ones), 40, ones, ones, True, ridge=1.0)
+    return LiftedModel(PAPER, system, Phi(weights, ones), 40, ones, ones, ridge=1.0)
 
 
 def sequence(n: int) -> list[Sample]:
@@ -168,7 +166,7 @@ def rotating(late: int = 0) -> LiftedModel:
     own = np.linalg.qr(generator.standard_normal((8, 8)))[0] * 0.98
     drive, C = generator.standard_normal((8, 6)), generator.standard_normal((6, 8))
     system = LiftedLinearSystem(own, drive, C, STEP)
-    return LiftedModel(PAPER, system, phi, W, ones, ones, True, ridge=0.1, late=late)
+    return LiftedModel(PAPER, system, phi, W, ones, ones, ridge=0.1, late=late)
 
 
 T = STEP * np.arange(60)[:, None]

@@ -19,7 +19,7 @@ def paper_model(seed: int = 0, K: int = 8) -> LiftedModel:
     A = np.linalg.qr(generator.standard_normal((K, K)))[0] * 0.9
     B, C = generator.standard_normal((K, 6)), generator.standard_normal((6, K))
     system = LiftedLinearSystem(A, B, C, 0.02)
-    return LiftedModel(PAPER, system, Phi(layers, np.ones(6)), 40, np.ones(6), SCALE, True, ridge=1)
+    return LiftedModel(PAPER, system, Phi(layers, np.ones(6)), 40, np.ones(6), SCALE, ridge=1)
 
 
 def refit(model: LiftedModel, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,9 +7,9 @@ import pytest
 
 from np_drake import labels, rigid_body
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import rotor_lag_of
 from np_drake.lifting.training.train import make_config
 from np_drake.residual_models.predictor_training import train_on_flights
+from np_drake.trained_model import rotor_lag_of
 from np_drake.training_data.actuator_timing import delayed, learned_rotor_lag, learned_timing
 from np_drake.training_data.segments import Flight
 from np_drake.vehicle import Vehicle
@@ -35,7 +35,7 @@ def flight(lag: float, *, noise: float = 0.0, n: int = 1500) -> FlightLog:
 
 
 def test_a_predictor_carries_the_lag_of_the_rotors_it_was_trained_on():
-    config = make_config("lifted", epochs=1)
+    config = make_config("paper", epochs=1)
     model = train_on_flights([Flight(flight(0.03, noise=0.1), Vehicle())], config, step=STEP).model
     assert rotor_lag_of(model) == pytest.approx(0.03, abs=0.003)  # [s]
 

@@ -16,10 +16,9 @@ from np_drake.lifting.model.lifted_model import (
     SCHEMA,
     LiftedModel,
     load_model,
-    require_origin,
-    rotor_lag_of,
     save_model,
 )
+from np_drake.trained_model import require_origin, rotor_lag_of
 
 
 def model(configuration: str) -> LiftedModel:
@@ -31,14 +30,14 @@ def model(configuration: str) -> LiftedModel:
         layers = generator.standard_normal((7, 6)), generator.standard_normal((4, 7))
         encoder = Phi(layers, scale)
     system, summary = LiftedLinearSystem(A, B, C, 0.02), {"samples": 7}
-    return LiftedModel(configuration, system, encoder, 5, scale, scale, True, summary, 0.5, late=2)
+    return LiftedModel(configuration, system, encoder, 5, scale, scale, summary, 0.5, late=2)
 
 
 def rewrite(path: Path, change) -> None:
     """Tensors and header of a good file, changed by `change(tensors, header, metadata)`."""
     tensors = load_file(path)
     metadata = {"schema": SCHEMA, "model": ""}
-    header = {"configuration": MODE_DICTIONARY, "step": 0.02, "window": 5, "predicts_torque": True}
+    header = {"configuration": MODE_DICTIONARY, "step": 0.02, "window": 5}
     header |= {"ridge": 0.0, "summary": {}}
     change(tensors, header, metadata)
     save_file(tensors, path, {**metadata, "model": json.dumps(header)})
@@ -63,7 +62,7 @@ def test_what_is_read_is_what_was_written(configuration, tmp_path):
     saved = model(configuration)
     save_model(saved, tmp_path / "m.safetensors")
     read = load_model(tmp_path / "m.safetensors")
-    for name in ("configuration", "window", "predicts_torque", "summary", "ridge", "late", "step"):
+    for name in ("configuration", "window", "summary", "ridge", "late", "step"):
         assert getattr(read, name) == getattr(saved, name)
     for name in "ABC":
         np.testing.assert_array_equal(getattr(read.system, name), getattr(saved.system, name))
@@ -89,7 +88,7 @@ FAULTS = {
     "schema must be": lambda t, h, m: m.update(schema="np_drake.lifted_model/0"),
     "lacks 'E'": lambda t, h, m: t.pop("E"),
     "lacks 'step'": lambda t, h, m: h.pop("step"),
-    r"must be lifted \| neural \| paper": lambda t, h, m: h.update(configuration="theirs"),
+    r"must be paper \| mode-dictionary": lambda t, h, m: h.update(configuration="theirs"),
     "lacks the layers of Phi": lambda t, h, m: h.update(configuration=PAPER),
     "must hold finite": lambda t, h, m: t.update(B=np.full((4, 6), np.nan)),
     "must hold finite floating": lambda t, h, m: t.update(B=np.zeros((4, 6), int)),

@@ -5,84 +5,34 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.lifted_linear_system import advance
-from np_drake.lifting.training import family_training
+from np_drake.lifting.training import paper_training
 from np_drake.lifting.training.excitation import measure_excitation
-from np_drake.lifting.training.family_training import LiftedConfig
 from np_drake.lifting.training.paper_training import PaperConfig
 from np_drake.lifting.training.train import make_config, train
-from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.skill import skill_table
 from np_drake.training_data.segments import Segment, group_scale, white_noise
 
-HORIZONS = [0, 5, 10, 20, 40]
 VZ, FZ = 2, 2
-
-
-def force_rows(model, flight) -> dict[int, dict]:
-    rows = skill_table(
-        {"np": NeuralPredictor(model)},
-        flight.chi,
-        flight.zeta,
-        target=flight.truth,
-        horizons=HORIZONS,
-        mean=np.zeros(6),
-    )
-    return {row["horizon"]: row for row in rows if row["model"] == "np"}
-
-
-def test_on_an_unseen_path_it_predicts_far_better_than_holding(trained, lemniscate):
-    rows = force_rows(trained.model, lemniscate)
-    for horizon, ratio in {0: 0.7, 5: 0.6, 10: 0.5, 20: 0.35, 40: 0.25}.items():
-        assert rows[horizon]["force_ratio"] < ratio
-    # It undoes the delay of the label
-    label_error = np.sqrt(np.mean(np.sum((lemniscate.chi - lemniscate.truth)[:, :3] ** 2, axis=1)))
-    assert rows[0]["force_rmse"] < 0.7 * label_error
-    assert trained.model.system.K <= 24
-    assert np.linalg.norm(trained.model.system.A, 2) < 1.0  # by construction
-
-
-def lifted(model, window):
-    """z now of samples (window, 12)."""
-    encoder = model.encoder
-    if isinstance(encoder, AdaptiveFamily):
-        return encoder.read(window, encoder.mean)[1]
-    return encoder(window[-1, :6])
-
-
-def test_turning_the_flight_turns_the_forecast(trained, lemniscate):
-    turn = np.zeros((12, 12))  # 90 degrees about the vertical, of [chi, zeta]
-    for start in (0, 3, 6, 9):
-        turn[start, start + 1], turn[start + 1, start], turn[start + 2, start + 2] = -1.0, 1.0, 1.0
-    window = np.hstack([lemniscate.chi, lemniscate.zeta])[100 - trained.model.window : 100]
-    s, zeta = trained.model.system, lemniscate.zeta[100:110]
-    straight = s.C @ advance(lifted(trained.model, window), s.A, s.B, zeta)
-    turned = s.C @ advance(lifted(trained.model, window @ turn.T), s.A, s.B, zeta @ turn[6:, 6:].T)
-    np.testing.assert_allclose(turned, straight @ turn[:6, :6].T, atol=1e-9)
 
 
 def test_the_seed_decides_and_progress_ascends_to_its_total(dithered):
     calls: list[tuple[int, int, float]] = []
-    config = LiftedConfig(steps=12)
+    config = PaperConfig(epochs=2, spacing=40)
     first = train([dithered.segment], config, on_epoch=lambda *call: calls.append(call)).model
     again, other = (
         train([dithered.segment], dc.replace(config, seed=seed)).model for seed in (0, 1)
     )
     np.testing.assert_array_equal(again.system.B, first.system.B)
-    np.testing.assert_array_equal(again.encoder.axes[0].encoder, first.encoder.axes[0].encoder)
+    np.testing.assert_array_equal(again.encoder.weights[0], first.encoder.weights[0])
     assert not np.array_equal(other.system.B, first.system.B)
-    assert [call[:2] for call in calls] == [(n, 12) for n in range(1, 13)]
+    assert [call[:2] for call in calls] == [(1, 2), (2, 2)]
     assert all(np.isfinite(loss) for _, _, loss in calls)
 
 
-@pytest.mark.parametrize(
-    "config", [LiftedConfig(steps=400), PaperConfig(epochs=1)], ids=["lifted", "paper"]
-)
-def test_a_flight_that_shows_nothing_teaches_to_hold(config):
+def test_a_flight_that_shows_nothing_teaches_to_hold():
     still = Segment(np.tile([0.0, 0.0, -2.5, 0.0, 0.0, 0.0], (300, 1)), np.zeros((300, 6)), 0.02)
-    model = train([still], config).model
-    s, z = model.system, lifted(model, np.hstack([still.chi, still.zeta])[: model.window])
+    model = train([still], PaperConfig(epochs=1)).model
+    s, z = model.system, model.encoder(still.chi[0])
     for steps in (0, 10, 40):
         later = s.C @ advance(z, s.A, s.B, np.ones((steps, 6)))
         assert later[2] == pytest.approx(-2.5, abs=0.1)  # [N]
@@ -91,12 +41,11 @@ def test_a_flight_that_shows_nothing_teaches_to_hold(config):
 
 def test_configurations_go_by_name_and_suit_their_axes():
     assert make_config("paper", epochs=3).epochs == 3
-    assert make_config("", frame="body") == make_config("mode-dictionary", frame="body")
+    assert not make_config("paper", frame="body").symmetric
     for arguments, match in (
-        ({"configuration": "theirs"}, r"lifted \| paper \| .*; got theirs"),
+        ({"configuration": "theirs"}, r"paper \| mode-dictionary; got theirs"),
         ({"configuration": "paper", "epocs": 3}, "has no setting epocs"),
-        ({"configuration": "mode-dictionary"}, "world axes need lifted"),
-        ({"configuration": "lifted", "frame": "moon"}, "frame must be"),
+        ({"configuration": "mode-dictionary"}, "these are in world axes"),
     ):
         with pytest.raises(ValueError, match=match):
             make_config(**arguments)
@@ -133,13 +82,13 @@ def test_vertical_speed_is_noise_on_a_plain_circle_alone(plain, dithered):
     assert np.all(shaken.gain > 0.5)
 
 
-def test_b_is_shrunk_where_the_flight_said_nothing(plain, trained, monkeypatch):
+def test_b_is_shrunk_where_the_flight_said_nothing(plain, dithered, monkeypatch):
     """Unguarded, believed in every direction, the same flight teaches to answer v_z with force."""
-    config = LiftedConfig(steps=300)
+    config = PaperConfig(epochs=1)
     assert vertical_gain(train([plain.segment], config).model) < 0.1
-    assert vertical_gain(trained.model) > 0.1
+    assert vertical_gain(train([dithered.segment], config).model) > 0.1
     monkeypatch.setattr(
-        family_training,
+        paper_training,
         "measure_excitation",
         lambda *a, **k: dc.replace(measure_excitation(*a, **k), gain=np.ones(6)),
     )

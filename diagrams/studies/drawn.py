@@ -1,0 +1,240 @@
+"""Studies of flights that are drawn at random, of no setting that anything was chosen on:
+`beyond`, with what no pendulum explains, and `changes`, with payloads hung on and cut off in
+flight.
+"""
+
+import dataclasses as dc
+import math
+import tempfile
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+from typer import Option
+
+from diagrams.batch.run import Case, FailedRun, Report, Run, Table, failures, results
+from diagrams.loop.experiments import settings_of
+from diagrams.loop.flight_result import fly
+from diagrams.studies.draws import BEYOND, PLAIN, Envelope, drawn_flight
+from diagrams.studies.options import (
+    DEFAULT_SOLVER,
+    Column,
+    FlownRun,
+    Only,
+    Solver,
+    fixed,
+    percent,
+    tabulate,
+)
+from diagrams.studies.sweep import Row, choose_rows, fly_rows, tidy, training_config
+from diagrams.studies.tracking import DITHERED
+from np_drake import metrics
+from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER, PayloadFilterModel
+from np_drake.vehicle import Vehicle
+
+LEARNED: dict[str, Any] = {"training": DITHERED, "configuration": LEARNED_BANK}
+PEER = "payload_filter"  # row beside which the others are shown
+ROWS = (
+    Row("np", "np", **LEARNED),
+    Row(PEER, PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),
+    Row("hold", "hold"),
+    Row("np of 1 length", "np", **LEARNED),
+    Row("np of 3 lengths", "np", **LEARNED),
+    Row("np of 9 lengths", "np", **LEARNED),
+)
+LENGTHS = {"np of 1 length": 1, "np of 3 lengths": 3, "np of 9 lengths": 9}  # of the members
+SETTLED = 3.0  # after the ramp, before errors count [s]
+BEFORE, AFTER = (-1.0, -0.05), (1.5, 2.5)  # the levels of f_z are means over these [s]
+WATCHED = 3.0  # after an event, in which the error's peak is looked for [s]
+KNOWN = 0.9  # share of the change of f_z that counts as known [1]
+BEYOND_SETTINGS = Envelope(tuple(BEYOND), 0.0)
+CHANGES = Envelope((PLAIN,), 1.0)
+Draws = Annotated[int, Option("--draws", min=1, max=100_000, help="Flights a row.")]
+
+
+def of_lengths(model: PayloadFilterModel, count: int) -> PayloadFilterModel:
+    """Return the model with members of `count` lengths over the same span, a single one in its
+    middle, each as much wider as they lie farther apart.
+    """
+    bank = model.bank
+    first, last, wider = bank.lengths[0], bank.lengths[-1], bank.log_length
+    lengths = np.geomspace(first, last, count) if count > 1 else [math.sqrt(first * last)]
+    wider *= (len(bank.lengths) - 1) / max(count - 1, 1)
+    return dc.replace(model, bank=dc.replace(bank, lengths=tuple(lengths), log_length=wider))
+
+
+def flown(case: Case, row: Row, model: str, *, envelope: Envelope, solver: str) -> dict:
+    """Return kind, errors [m] and the response to an event of a drawn flight, or why it was lost.
+
+    A flight that cannot be flown as drawn has a kind of "".
+    """
+    try:
+        kind, config = drawn_flight(case["draw"], envelope, seed=case["seed"], vehicle=Vehicle())
+    except ValueError as error:
+        return {"kind": "", "lost": str(error)}
+    config.controller.kind, config.controller.solver = row.kind, solver
+    with tempfile.TemporaryDirectory() as folder:
+        if row.name in LENGTHS:
+            changed = Path(folder) / "model.safetensors"
+            of_lengths(PayloadFilterModel.load(model), LENGTHS[row.name]).save(changed)
+            model = str(changed)
+        config.controller.predictor = model
+        try:
+            s = fly(config.check(), seed=case["draw"]).signals
+        except FailedRun as error:
+            return {"kind": kind, "lost": str(error)}
+    steady = s["t"] >= config.reference.lead + SETTLED
+    errors = metrics.tracking_errors(s["x_true"][steady, :3], s["p_ref"][steady])
+    found = {"kind": kind, "lost": "", "E_xy": errors["E_xy"], "E_z": errors["E_z"]}
+    for event in config.events:
+        t = s["t"] - event.time
+        away = np.linalg.norm(s["x_true"][:, :3] - s["p_ref"], axis=1)
+        found["peak"] = float(away[(t >= 0) & (t < WATCHED)].max())
+        found["known"] = known_after(t, s["chi_hat"][:, 2])
+    return found
+
+
+def known_after(t: np.ndarray, f_z: np.ndarray) -> float:
+    """Return when f_z (n,) has taken `KNOWN` of its change, at times t (n,) since the event [s];
+    inf where it never has.
+    """
+    before, after = (f_z[(t >= low) & (t < high)].mean() for low, high in (BEFORE, AFTER))
+    there = (t >= 0) & ((f_z - before) / (after - before) >= KNOWN)
+    return float(t[np.argmax(there)]) if there.any() else float("inf")
+
+
+def _fly(
+    run: Run, title: str, envelope: Envelope, draws: int, solver: str, only: list[str] | None
+) -> tuple[FlownRun, pd.DataFrame, list[str], dict[str, Any]]:
+    """Fly the draws with each row; return the run, a line for every flight, what is to be said, and
+    the settings.
+    """
+    flights = FlownRun.of(run, count=draws, solver=solver)
+    rows = choose_rows(ROWS, only, always=("np", PEER))
+    settings = {
+        "solver": solver,
+        "seed": run.seed,
+        "envelope": dc.asdict(envelope),
+        "training": settings_of(training_config(DITHERED, solver=solver)),
+    }
+    scenarios = [{"draw": draw, "seed": run.seed + 1} for draw in range(draws)]
+    work = partial(flown, envelope=envelope, solver=solver)
+    _, records = fly_rows(flights, title, rows, scenarios, work, config=settings)
+    results(records)
+    found = tidy(records)
+    left_out = int((found["kind"] == "").sum()) // len(rows)
+    found = found[found["kind"] != ""].copy()
+    found["gone"] = (found["lost"] != "") | (found["error"] != "")
+    found["kind"] = found["kind"].fillna("failed")
+    found[["E_xy", "E_z"]] = found[["E_xy", "E_z"]].where(~found["gone"], np.inf)
+    notes = [
+        f"draws that the paper's vehicle cannot fly: {left_out}",
+        *failures(run.workers.finished),
+    ]
+    return flights, found, notes, settings
+
+
+def _title(flights: FlownRun) -> str:
+    seed = flights.seed
+    return f"{flights.count} draws of seed {seed + 1}, trained on seed {seed}, {flights.solver}"
+
+
+def compared(found: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return a line for every row and kind of flight, "all" among them: flights, lost ones, medians
+    of the errors [m], and, against `PEER` and hold in the same draw, the median ratio of E_xy and
+    the share in which it is smaller [1].
+    """
+    by_row = {name: own.set_index("draw") for name, own in found.groupby("row", sort=False)}
+    lines = []
+    for kind in ("all", *sorted(set(found["kind"]))):
+        for name, own in by_row.items():
+            own = own if kind == "all" else own[own["kind"] == kind]
+            line = {
+                **{"kind": kind, "row": name, "flights": len(own), "lost": int(own["gone"].sum())},
+                **{key: float(own[key].median()) for key in ("E_xy", "E_z")},
+            }
+            for other in (PEER, "hold"):
+                if other in by_row and other != name:
+                    base = by_row[other]["E_xy"].reindex(own.index)
+                    line[f"{other}_ratio"] = float((own["E_xy"] / base).median())
+                    line[f"{other}_better"] = float((own["E_xy"] < base).mean())
+            lines.append(line)
+    return lines
+
+
+COLUMNS: tuple[Column, ...] = (
+    ("kind", "kind"),
+    ("controller", "row"),
+    ("n", "flights"),
+    ("lost", "lost"),
+    ("xy [cm]", fixed("E_xy", 2, factor=100)),
+    ("z [cm]", fixed("E_z", 2, factor=100)),
+    ("to filter", fixed(f"{PEER}_ratio", 2)),
+    ("better", percent(f"{PEER}_better")),
+    ("to hold", fixed("hold_ratio", 2)),
+    ("better", percent("hold_better")),
+)
+
+
+def beyond(
+    run: Run, draws: Draws = 200, solver: Solver = DEFAULT_SOLVER, only: Only = None
+) -> Report:
+    """Drawn flights with what no pendulum explains: rope, two payloads, drag, spring, gusts."""
+    flights, found, notes, settings = _fly(run, "beyond", BEYOND_SETTINGS, draws, solver, only)
+    lines = compared(found)
+    title = f"{_title(flights)}: medians of E_xy, E_z; against {PEER} and hold, draw by draw"
+    return Report(
+        [tabulate(title, lines, COLUMNS)],
+        config=settings,
+        metrics={"table": lines, "flights": found.to_dict("records")},
+        notes=notes,
+    )
+
+
+def responses(found: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return a line for every row: flights, lost ones, median, 95th percentile and largest of the
+    time until the force is known [s] and of the error's peak [m].
+    """
+    lines = []
+    for name, own in found.groupby("row", sort=False):
+        line: dict[str, Any] = {"row": name, "flights": len(own), "lost": int(own["gone"].sum())}
+        for key in ("known", "peak"):
+            values = own[key].astype(float).fillna(np.inf)
+            line[key] = float(values.median())
+            line[f"{key}_95"] = float(np.quantile(values, 0.95, method="higher"))
+            line[f"{key}_most"] = float(values.max())
+        lines.append(line)
+    return lines
+
+
+def responses_table(lines: list[dict[str, Any]], title: str) -> Table:
+    """Return the table of the lines of `responses`."""
+    columns: tuple[Column, ...] = (
+        ("controller", "row"),
+        ("n", "flights"),
+        ("lost", "lost"),
+        ("90 % known [s]", fixed("known", 2)),
+        ("95 % of flights", fixed("known_95", 2)),
+        ("last", fixed("known_most", 2)),
+        ("peak [cm]", fixed("peak", 2, factor=100)),
+        ("95 % of flights", fixed("peak_95", 2, factor=100)),
+        ("largest", fixed("peak_most", 2, factor=100)),
+    )
+    return tabulate(title, lines, columns)
+
+
+def changes(
+    run: Run, draws: Draws = 200, solver: Solver = DEFAULT_SOLVER, only: Only = None
+) -> Report:
+    """Drawn flights in which a payload is hung on or cut off: how soon, and how far off."""
+    flights, found, notes, settings = _fly(run, "changes", CHANGES, draws, solver, only)
+    lines = responses(found)
+    title = f"{_title(flights)}: median over the flights, and the slowest"
+    return Report(
+        [responses_table(lines, title)],
+        config=settings,
+        metrics={"table": lines, "flights": found.to_dict("records")},
+        notes=notes,
+    )

@@ -1,0 +1,55 @@
+"""Laws of what is believed of payload and air, by condition."""
+
+import json
+
+import numpy as np
+import pytest
+
+from np_drake.payload_filter import kernel
+from np_drake.payload_filter.bank_options import CONDITIONAL, BankOptions, Prior
+from np_drake.payload_filter.filter_bank import PendulumBank
+from tests.np_drake.payload_filter.conftest import STEP, G
+
+ENDLESS = (1e12,) * 3  # durations of conditions that do not change [s]
+
+
+def test_numbers_of_a_bank_give_it_back_through_a_file():
+    other = BankOptions(lengths=(0.4,), mass=Prior(0.3, 0.4), push=(1, 2, 3), bare=0.25)
+    for dut in (BankOptions(), other):
+        assert BankOptions.of_numbers(json.loads(json.dumps(dut.as_numbers()))) == dut
+
+
+@pytest.mark.parametrize("name", CONDITIONAL)
+def test_options_of_unequal_conditions_are_refused_in_one_line(name):
+    with pytest.raises(ValueError, match=r"^BankOptions: [^\n]*same conditions[^\n]*$"):
+        BankOptions(**{name: (1.0, 2.0)})
+
+
+def test_one_condition_or_no_length_is_refused():
+    for options in (dict.fromkeys(CONDITIONAL, (1.0,)), {"lengths": ()}):
+        with pytest.raises(ValueError, match="BankOptions"):
+            BankOptions(**options)
+
+
+def test_a_parameter_returns_to_its_prior_by_the_memory_of_its_condition():
+    memory, push_time, steps = np.array([0.5, 1.0, 2.0]), np.array([0.3, 0.6, 0.9]), 20
+    options = BankOptions(
+        lengths=(0.8,), memory=tuple(memory), push_time=tuple(push_time), duration=ENDLESS
+    )
+    dut = PendulumBank(options, step=STEP, gravity=G)
+    first = dut.initial_memory()
+    now = {name: value.copy() for name, value in first.items()}
+    columns = [kernel.THRUST_ERROR, kernel.DRAG, kernel.PUSH]
+    now["mean"][:, columns] += 0.1
+    for _ in range(steps):
+        hover = np.array([0.0, 0.0, G, *np.zeros(3), 0.0, 0.0, -G])
+        now = dut.step_on(now, hover, hover, np.full(3, np.nan), np.ones(3))
+    left = (now["mean"] - first["mean"])[:, columns]
+    times = np.column_stack([memory, memory, push_time])
+    # two members, with and without payload, of each condition
+    expected = np.repeat(0.1 * np.exp(-steps * STEP / times), 2, axis=0)
+    np.testing.assert_allclose(left, expected, rtol=1e-6)
+    # A parameter that nothing corrects stays as doubtful as it was
+    error = np.arange(kernel.SIZE)[4:]
+    found, before = (m["covariance"][:, error, error] for m in (now, first))
+    np.testing.assert_allclose(found, before, rtol=1e-6)
