@@ -49,6 +49,7 @@ SETTLED = 3.0  # after the ramp, before errors count [s]
 BEFORE, AFTER = (-1.0, -0.05), (1.5, 2.5)  # the levels of f_z are means over these [s]
 WATCHED = 3.0  # after an event, in which the error's peak is looked for [s]
 KNOWN = 0.9  # share of the change of f_z that counts as known [1]
+SOON = 0.2  # within which a change ought to be known [s]
 BEYOND_SETTINGS = Envelope(tuple(BEYOND), 0.0)
 CHANGES = Envelope((PLAIN,), 1.0)
 Draws = Annotated[int, Option("--draws", min=1, max=100_000, help="Flights a row.")]
@@ -141,6 +142,17 @@ def _title(flights: FlownRun) -> str:
     return f"{flights.count} draws of seed {seed + 1}, trained on seed {seed}, {flights.solver}"
 
 
+def _report(
+    table: Table,
+    lines: list[dict[str, Any]],
+    found: pd.DataFrame,
+    notes: list[str],
+    settings: dict[str, Any],
+) -> Report:
+    values = {"table": lines, "flights": found.to_dict("records")}
+    return Report([table], config=settings, metrics=values, notes=notes)
+
+
 def compared(found: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a line for every row and kind of flight, "all" among them: flights, lost ones, medians
     of the errors [m], and, against `PEER` and hold in the same draw, the median ratio of E_xy and
@@ -185,17 +197,13 @@ def beyond(
     flights, found, notes, settings = _fly(run, "beyond", BEYOND_SETTINGS, draws, solver, only)
     lines = compared(found)
     title = f"{_title(flights)}: medians of E_xy, E_z; against {PEER} and hold, draw by draw"
-    return Report(
-        [tabulate(title, lines, COLUMNS)],
-        config=settings,
-        metrics={"table": lines, "flights": found.to_dict("records")},
-        notes=notes,
-    )
+    return _report(tabulate(title, lines, COLUMNS), lines, found, notes, settings)
 
 
 def responses(found: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a line for every row: flights, lost ones, median, 95th percentile and largest of the
-    time until the force is known [s] and of the error's peak [m].
+    time until the force is known [s] and of the error's peak [m], and the share of flights in
+    which it is known within `SOON` [1].
     """
     lines = []
     for name, own in found.groupby("row", sort=False):
@@ -205,6 +213,7 @@ def responses(found: pd.DataFrame) -> list[dict[str, Any]]:
             line[key] = float(values.median())
             line[f"{key}_95"] = float(np.quantile(values, 0.95, method="higher"))
             line[f"{key}_most"] = float(values.max())
+        line["soon"] = float((own["known"].astype(float) <= SOON).mean())
         lines.append(line)
     return lines
 
@@ -218,6 +227,7 @@ def responses_table(lines: list[dict[str, Any]], title: str) -> Table:
         ("90 % known [s]", fixed("known", 2)),
         ("95 % of flights", fixed("known_95", 2)),
         ("last", fixed("known_most", 2)),
+        (f"in {SOON:g} s", percent("soon")),
         ("peak [cm]", fixed("peak", 2, factor=100)),
         ("95 % of flights", fixed("peak_95", 2, factor=100)),
         ("largest", fixed("peak_most", 2, factor=100)),
@@ -232,9 +242,4 @@ def changes(
     flights, found, notes, settings = _fly(run, "changes", CHANGES, draws, solver, only)
     lines = responses(found)
     title = f"{_title(flights)}: median over the flights, and the slowest"
-    return Report(
-        [responses_table(lines, title)],
-        config=settings,
-        metrics={"table": lines, "flights": found.to_dict("records")},
-        notes=notes,
-    )
+    return _report(responses_table(lines, title), lines, found, notes, settings)

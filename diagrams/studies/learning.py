@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.run import FailedRun, Run, as_they_finish
+from diagrams.batch.run import FailedRun, Run, as_they_finish, require
 from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import FlightResult, fly
@@ -123,7 +123,9 @@ def train_on_envelope(
         tried = dc.replace(model, bank=bank)
         work = partial(flown_error, model=tried, seed=run.seed, vehicle=vehicle)
         found = [log for _, log in as_they_finish(work, range(count), run.workers.jobs)]
-        return math.exp(math.fsum(log for log in found if log is not None) / len(found))
+        logs = [log for log in found if log is not None]
+        require(logs, "--envelope: this vehicle can fly none of what was drawn; draw more flights.")
+        return math.exp(math.fsum(logs) / len(logs))
 
     with run.bar("learning priors", 1.0) as advance:
         bank, course = learn_priors(

@@ -24,7 +24,6 @@ CONDITIONAL = (
     "duration",
 )  # options with a value a condition
 PRIORS = ("mass", "damping", "thrust_error", "drag")
-LARGEST = 1e15  # of a number, in any unit; own choice: more is damage
 
 
 @dc.dataclass(frozen=True)
@@ -97,8 +96,8 @@ class BankOptions:
         positive = [*self.lengths, *times, *singles, self.tilt, self.lost_tilt, *deviations]
         numbers = [*self.push, *self.swing_noise, self.change, *positive]
         require(
-            all(0 <= number < LARGEST for number in numbers)
-            and all(number > 0 for number in positive)
+            all(math.isfinite(number) and number >= 0 for number in numbers)
+            and min(positive) > 0
             and 0 < self.bare < 1
             and all(math.isfinite(getattr(self, name).mean) for name in PRIORS),
             "BankOptions: lengths, times and deviations must be positive, noise and change not "

@@ -44,7 +44,8 @@ class PayloadFilter:
 
     Memory: of the bank; x (13,) and acting (4,) command at the last sample; labels (2, 3) the last
     two of force and variance (3,) of their noise; steady (3,) torque that nothing here explains,
-    shift (3,) of the hook and what `next_shift` needs for both; now (9,) what moves the tether;
+    shift (3,) of the hook and what `next_shift` needs for both; lag of the rotors and what
+    `next_lag` needs; now (9,) what moves the tether;
     seen: samples so far. A sample without label, or with a NaN in it, moves the bank without
     correction; without a state it waits.
 
@@ -166,35 +167,6 @@ class PayloadFilter:
         """
         return self.model.mass * kernel.pull_moments(*(memory[name] for name in PULL))[0]
 
-    def along(self, memory: Memory, plan: Plan, *, stride: int, lagging: bool = True) -> np.ndarray:
-        """Return the wrench (N, 6) along a plan at steps of `stride * self.step` seconds, the mean
-        over each [N, N·m].
-
-        Args:
-            lagging: whether the rotors still have to follow the commands, else these act at once,
-                as those of labels.
-        """
-        points, weight = _likely(memory)
-        wrench, step = np.empty((len(plan.u), 6)), stride * self.step
-        along_plan(
-            points,
-            weight,
-            plan.x,
-            plan.u,
-            memory["acting"],
-            memory["steady"],
-            self._rate_torque,
-            self._speed_torque,
-            self._hook + memory["shift"],
-            self.model.mass,
-            self.model.gravity,
-            step,
-            stride,
-            *_lag(memory["lag"][0] if lagging else 0.0, step),
-            wrench,
-        )
-        return wrench
-
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast for a motion that goes on at the velocity and attitude of now."""
         x = np.tile(memory["x"], (horizon + 1, 1))
@@ -208,18 +180,31 @@ class PayloadFilter:
         """Return the forecast over `horizon` steps of `stride * self.step` seconds along a plan at
         these steps.
         """
-        points, weight = _likely(memory)
+        some = np.flatnonzero(memory["weight"] >= LEAST_WEIGHT)
+        weight = memory["weight"][some] / memory["weight"][some].sum()
+        points, step = memory["mean"][some], stride * self.step
         hook, mass, gravity = self._hook + memory["shift"], self.model.mass, self.model.gravity
-        wrench, step = self.along(memory, plan, stride=stride), stride * self.step
+        wrench = np.empty((len(plan.u), 6))
+        along_plan(
+            points,
+            weight,
+            plan.x,
+            plan.u,
+            memory["acting"],
+            memory["steady"],
+            self._rate_torque,
+            self._speed_torque,
+            hook,
+            mass,
+            gravity,
+            step,
+            stride,
+            *_lag(memory["lag"][0], step),
+            wrench,
+        )
         A, B, C, offset = np.zeros((4, 4)), np.zeros((4, 6)), np.zeros((6, 4)), wrench.copy()
         beside_plan(weight @ points, plan.x, hook, mass, gravity, step, A, B, C, offset)
         return WrenchForecast(A, B, C, np.zeros(4), offset)
-
-
-def _likely(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
-    """Return the members (k, POINT) that a forecast counts, and their weights (k,)."""
-    some = np.flatnonzero(memory["weight"] >= LEAST_WEIGHT)
-    return memory["mean"][some], memory["weight"][some] / memory["weight"][some].sum()
 
 
 @compiled

@@ -71,6 +71,7 @@ def test_a_lost_flight_never_knows_its_change():
     assert [np_line[k] for k in ("row", "lost", "known", "known_95", "peak_most")] == [
         *("np", 0, 0.2, 0.3, 0.03)
     ]
+    assert [np_line["soon"], hold["soon"]] == pytest.approx([2 / 3, 1 / 3])
     assert [hold[k] for k in ("flights", "lost", "known", "known_95", "peak_most")] == [
         *(3, 1, 0.3, math.inf, math.inf)
     ]
