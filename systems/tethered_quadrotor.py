@@ -129,16 +129,17 @@ def make_tethered_quadrotor(
     if steady is not None:
         within = None if payload.rope_mass else cable
         rotors, force = add_vehicle_forces(builder, plant, vehicle, steady, within, **start)
-        forces = [force]
+        forces, pushing = [force], steady.others
     else:
         rotors = add_rotors(builder, plant, vehicle, actuator_effects, onsets=onsets, **start)
-        forces = _add_effects(
-            builder, vehicle, wrench_effects, onsets, plant=plant, state=state, rotors=rotors
-        )
+        forces, pushing = [], list(wrench_effects)
         external = builder.AddNamedSystem("external_forces", ExternalForces(plant))
         builder.Connect(plant.get_state_output_port(), external.get_input_port(0))
         export_pushes(builder, external)
         forces.append(external.get_output_port())
+    forces += _add_effects(
+        builder, vehicle, pushing, onsets, plant=plant, state=state, rotors=rotors
+    )
     if cable is not None and cable is not within:
         forces.append(cable.GetOutputPort("generalized_force"))
     force = _sum_forces(builder, forces)

@@ -17,26 +17,32 @@ from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag, drag_force
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable, cable_force
 from systems.plant_readings import vehicle_state
 from systems.rotors import RotorPorts, add_commanded_thrust, with_nominal_lag
 from systems.wrench_effects import PUSH, WRENCH, export_pushes
 
+STEADY_GAINS = (ThrustScale, WeakRotor)  # actuator effects whose gain of thrust never changes
+
 
 @dc.dataclass(frozen=True)
 class SteadyEffects:
-    """Effects that the compiled function knows: a lag of the rotors, then a scale of thrust, and
-    drag in still air.
+    """Effects that the compiled function knows: a lag of the rotors or none, then gains of thrust,
+    and drag in still air.
 
-    chain: the actuators' effects that do something, dead times among them.   scale: of thrust [1].
+    chain: the actuators' effects that do something, dead times among them.
+    gains: (4,) of the rotors' thrust [1].
     drag: (3,) coefficients along the body axes [N·s/m].
+    others: effects that push by themselves; with moving air the drags are among them.
     """
 
     chain: list[ActuatorEffect]
-    lag: MotorLag
-    scale: float
+    lag: MotorLag | None
+    gains: np.ndarray
     drag: np.ndarray
+    others: list[WrenchEffect]
 
     @classmethod
     def of(
@@ -46,7 +52,8 @@ class SteadyEffects:
         wrench_effects: Sequence[WrenchEffect],
         onsets: Onsets = NO_ONSETS,
     ) -> "SteadyEffects | None":
-        """Return the effects in this form; None where there are others, or one begins in flight.
+        """Return the effects in this form; None where the actuators have others, or one begins in
+        flight.
 
         Args:
             vehicle: nominal, with its own lag.
@@ -56,19 +63,19 @@ class SteadyEffects:
         """
         chain, _ = with_nominal_lag(vehicle, actuator_effects, onsets)
         acting = [effect for effect in chain if type(effect) is not CommandDelay]
-        kinds = [type(effect) for effect in acting]
-        drags = [effect for effect in wrench_effects if type(effect) is LinearDrag]
-        if (
-            onsets
-            or kinds != [MotorLag, ThrustScale][: len(kinds)]
-            or not kinds
-            or len(drags) < len(wrench_effects)
-        ):
+        lag = next((effect for effect in acting[:1] if type(effect) is MotorLag), None)
+        scales = acting if lag is None else acting[1:]
+        if onsets or not all(type(effect) in STEADY_GAINS for effect in scales):
             return None
-        lag, *scales = acting
-        assert isinstance(lag, MotorLag)
-        drag = np.sum([[e.d_x, e.d_y, e.d_z] for e in drags], axis=0) if drags else np.zeros(3)
-        return cls(chain, lag, scales[0].values["scale"] if scales else 1.0, drag)
+        gains = np.ones(4)
+        for effect in scales:
+            gains *= effect.thrust_gain(0.0)
+        others = list(wrench_effects)
+        if all(type(e).air_velocity is WrenchEffect.air_velocity for e in others):
+            others = [effect for effect in wrench_effects if type(effect) is not LinearDrag]
+        drags = [[e.d_x, e.d_y, e.d_z] for e in wrench_effects if e not in others]  # type: ignore[attr-defined]
+        drag = np.sum(drags, axis=0) if drags else np.zeros(3)
+        return cls(chain, lag, gains, drag, others)
 
 
 class VehicleForces(LeafSystem):
@@ -100,7 +107,7 @@ class VehicleForces(LeafSystem):
     | rotor_speed | 4 | actual | rad/s |
     | holds | 1 | 1 while the cable holds, else 0; with a cable only | |
     | external_wrench, payload_force | 6, 3 | as of `ExternalForces` | N, N·m |
-    | target | 4 | speed at which a rotor gives the commanded thrust, over the time constant of the lag | rad/s² |
+    | target | 4 | speed at which a rotor gives the commanded thrust, over the time constant of the lag, or 1 s without one | rad/s² |
     | generalized_force | nv | [moment about Bo, force] on B, then on a payload, in W | N·m, N |
     | thrust | 4 | actual rotor thrust | N |
     | nominal_thrust | 4 | what a nominal rotor would give at the actual rotor speed | N |
@@ -118,12 +125,13 @@ class VehicleForces(LeafSystem):
             size: nv of the plant [1].
         """
         super().__init__()
-        self._vehicle, self._lag, self._scale = vehicle, effects.lag, effects.scale
+        self._vehicle, self._gains = vehicle, effects.gains
+        self._lag = effects.lag or MotorLag(1.0)  # without one, the target is the speed itself
         self._size = size
         hover = float(np.sqrt(vehicle.mass * vehicle.gravity / 4))
         rotors = (
             vehicle.thrust_coefficient,
-            effects.scale,
+            effects.gains,
             np.ascontiguousarray(vehicle.mixer, float),
         )
         line = (np.zeros(3), np.zeros((1, 3))) if cable is None else cable.line
@@ -161,7 +169,7 @@ class VehicleForces(LeafSystem):
         output.SetFromVector(force)
 
     def _calc_thrust(self, context, output) -> None:
-        output.SetFromVector(self._scale * self._nominal_thrust(context))
+        output.SetFromVector(self._gains * self._nominal_thrust(context))
 
     def _calc_nominal_thrust(self, context, output) -> None:
         output.SetFromVector(self._nominal_thrust(context))
@@ -171,7 +179,7 @@ class VehicleForces(LeafSystem):
 
 
 @compiled
-def _total(s, speed, holds, k, scale, mixer, drag, hover, hook, pieces, out):
+def _total(s, speed, holds, k, gains, mixer, drag, hover, hook, pieces, out):
     """Write the generalized force of rotors, drag and a cable that holds to out (6,) or (12,),
     which comes zeroed.
 
@@ -180,7 +188,7 @@ def _total(s, speed, holds, k, scale, mixer, drag, hover, hook, pieces, out):
         speed: (4,) of the rotors [rad/s].
         holds: whether there is a cable that holds, 0 or 1.
         k: thrust coefficient [N/(rad/s)²].
-        scale: of the thrust [1].
+        gains: (4,) of the thrust [1].
         mixer: (4, 4) from thrusts to [f_u, tau_m].
         drag: (3,) coefficients [N·s/m].
         hover: as of `drag_force`.
@@ -190,7 +198,7 @@ def _total(s, speed, holds, k, scale, mixer, drag, hover, hook, pieces, out):
     """
     thrust, x, chi = np.empty(4), np.empty(13), np.zeros(6)
     for i in range(4):
-        thrust[i] = scale * (k * speed[i] * speed[i])
+        thrust[i] = gains[i] * (k * speed[i] * speed[i])
     vehicle_state(s, 0, 7 * (len(s) // 13), x)
     drag_force(x, thrust, np.zeros(3), drag[0], drag[1], drag[2], hover, chi)
     if holds:
@@ -247,16 +255,16 @@ def add_vehicle_forces(
     forces = builder.AddNamedSystem(
         "vehicle_forces", VehicleForces(vehicle, effects, cable, plant.num_velocities())
     )
-    speed = add_rotor_lag(
-        builder, vehicle, effects.lag, forces.GetOutputPort("target"), hover_thrust=hover_thrust
-    )
+    speed, rate = forces.GetOutputPort("target"), None
+    if effects.lag is not None:
+        speed, rate = add_rotor_lag(builder, vehicle, effects.lag, speed, hover_thrust=hover_thrust)
     builder.Connect(command, forces.GetInputPort("command"))
     builder.Connect(speed, forces.GetInputPort("rotor_speed"))
     builder.Connect(plant.get_state_output_port(), forces.GetInputPort("plant_state"))
     if cable is not None:
         builder.Connect(cable.GetOutputPort("holds"), forces.GetInputPort("holds"))
     export_pushes(builder, forces)
-    ports = RotorPorts(forces.GetOutputPort("thrust"), forces.GetOutputPort("nominal_thrust"), None)
+    ports = RotorPorts(forces.GetOutputPort("thrust"), forces.GetOutputPort("nominal_thrust"), rate)
     return ports, forces.GetOutputPort("generalized_force")
 
 
@@ -304,9 +312,9 @@ def add_rotor_lag(
     target: OutputPort,
     *,
     hover_thrust: np.ndarray,
-) -> OutputPort:
+) -> tuple[OutputPort, OutputPort]:
     """Add rotors that follow their commanded speed, T d omega/dt = omega_command - omega, and
-    return their speed.
+    return their speed and its rate.
 
     Args:
         builder: of the diagram.
@@ -322,4 +330,4 @@ def add_rotor_lag(
     builder.Connect(target, rate.get_input_port(0))
     builder.Connect(decay.get_output_port(), rate.get_input_port(1))
     builder.Connect(rate.get_output_port(), rotors.get_input_port())
-    return rotors.get_output_port()
+    return rotors.get_output_port(), rate.get_output_port()

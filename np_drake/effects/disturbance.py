@@ -1,7 +1,7 @@
 """Random wrench with the statistics of what a model leaves unexplained."""
 
 import dataclasses as dc
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -61,12 +61,18 @@ class Disturbance(WrenchEffect):
             (*config.force, *config.torque), (*config.force_time, *config.torque_time), config.seed
         )
 
+    @cached_property
+    def _waves(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Angular rates [rad/s] and phases [rad], (6, LINES), and amplitudes (6,) [N, N·m]."""
+        frequency, phase = lines(self.seed, len(self.deviation))
+        size = np.array(self.deviation) * np.sqrt(2.0 / LINES)
+        return frequency / np.array(self.time)[:, None], phase, size
+
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi = [f in W, tau in B] (..., 6) [N, N·m]."""
-        frequency, phase = lines(self.seed, len(self.deviation))
-        t = np.asarray(motion.t, float)[..., None, None]
-        angle = t * (frequency / np.array(self.time)[:, None]) + phase
-        body = np.array(self.deviation) * np.sqrt(2.0 / LINES) * np.cos(angle).sum(axis=-1)
+        rate, phase, size = self._waves
+        angle = np.asarray(motion.t, float)[..., None, None] * rate + phase
+        body = size * np.cos(angle).sum(axis=-1)
         chi = np.broadcast_to(body, (*motion.x.shape[:-1], 6)).copy()
         chi[..., :3] = attitude.rotate(motion.x[..., Q], chi[..., :3])
         return chi

@@ -21,7 +21,7 @@ class EffectEntry:
         default_factory=dict
     )  # others at the effect's defaults [SI]
     onset: float | None = number(None, "s", 0.0)  # when it begins; None: from the start
-    probability: float = number(1.0, "1", 0.0, 1.0)  # that it acts at all, for `--sample`
+    probability: float = number(1.0, "1", 0.0, 1.0)  # that it acts at all, for `certify`
     # By flight of a diagnosis, when it began there: 0 from the start, `.inf` absent [s].
     onsets: dict[str, float] = dc.field(default_factory=dict)
 

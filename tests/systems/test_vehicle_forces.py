@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from np_drake.effects.battery_sag import BatterySag
+from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
@@ -24,10 +27,17 @@ class LagOfItsOwn(MotorLag):
     """The same lag in a class that the compiled forces do not know."""
 
 
-def pair(payload, actuators=(), wrenches=(), **options):
+class ScaleOfItsOwn(ThrustScale):
+    """The same scale in a class that the compiled forces do not know."""
+
+
+LAGS = (LAG, LagOfItsOwn(LAG.time_constant))
+
+
+def pair(payload, actuators=(), wrenches=(), first=LAGS, **options):
     """Return the compiled vehicle and that of single effects, and their contexts."""
     vehicles = []
-    for lag in (LAG, LagOfItsOwn(LAG.time_constant)):
+    for lag in first:
         vehicle = make_tethered_quadrotor(
             VEHICLE, payload, actuator_effects=[lag, *actuators], wrench_effects=wrenches, **options
         )
@@ -49,8 +59,10 @@ def place(dut, context, seed, *, drift=0.0):
         q[7 * k + 4 : 7 * k + 7] = rng.normal(size=3) * 0.05 - [0, 0, 0.8 * k]
     plant.SetPositions(own, q)
     plant.SetVelocities(own, rng.normal(size=plant.num_velocities()))
-    actuators = dut.GetSubsystemByName("actuators")
-    actuators.rest_at(actuators.GetMyMutableContextFromRoot(context), rng.uniform(1.0, 9.0, 4))
+    thrust = rng.uniform(1.0, 9.0, 4)
+    if dut.HasSubsystemNamed("actuators"):
+        actuators = dut.GetSubsystemByName("actuators")
+        actuators.rest_at(actuators.GetMyMutableContextFromRoot(context), thrust)
     dut.GetInputPort("u").FixValue(context, VEHICLE.mixer @ rng.uniform(1.0, 9.0, 4))
 
 
@@ -62,10 +74,19 @@ def read(dut, context, names):
     "payload", [PayloadConfig(), PayloadConfig(tether="none")], ids=["cable", "none"]
 )
 @pytest.mark.parametrize(
-    "actuators", [(), (SCALE,), (SCALE, CommandDelay(0.013))], ids=["lag", "scale", "delay"]
+    "actuators",
+    [(), (SCALE, WeakRotor(2, 0.8)), (SCALE, CommandDelay(0.013))],
+    ids=["lag", "gains", "delay"],
 )
 @pytest.mark.parametrize(
-    "wrenches", [(), (DRAG,), (DRAG, LinearDrag(0.1, 0.1, 0.4))], ids=["none", "drag", "drags"]
+    "wrenches",
+    [
+        (),
+        (DRAG, LinearDrag(0.1, 0.1, 0.4)),
+        (DRAG, ConstantWind(1.0, -2.0, 0.5)),
+        (DRAG, RotorGyroscopic(2e-4), BladeFlapping(0.02)),
+    ],
+    ids=["none", "drags", "wind", "others"],
 )
 def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuators, wrenches):
     vehicles = pair(payload, actuators, wrenches)
@@ -80,16 +101,25 @@ def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuator
         np.testing.assert_allclose(found[0], found[1], rtol=1e-11, atol=1e-10)
 
 
+def test_rotors_without_lag_give_what_is_commanded():
+    vehicles = pair(PayloadConfig(), (), (DRAG,), (SCALE, ScaleOfItsOwn(SCALE.scale)))
+    found = []
+    for dut, context in vehicles:
+        place(dut, context, 1)
+        rates = dut.EvalTimeDerivatives(context).CopyToVector()
+        found.append(np.concatenate([read(dut, context, PORTS), rates]))
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-11, atol=1e-10)
+
+
 @pytest.mark.parametrize(
     "actuators, wrenches, onsets",
     [
-        ([LAG, SCALE], [DRAG, ConstantWind(1.0, 0.0, 0.0)], {}),
-        ([LAG, WeakRotor(1, 0.8)], [DRAG], {}),
+        ([LAG, BatterySag(0.95)], [DRAG], {}),
         ([SCALE, LAG], [DRAG], {}),
         ([UnevenLag(0.03, 0.05), SCALE], [DRAG], {}),
         ([LAG, SCALE], [DRAG], {DRAG: 2.0}),
     ],
-    ids=["wind", "weak rotor", "scale first", "uneven lag", "onset"],
+    ids=["sag", "scale first", "uneven lag", "onset"],
 )
 def test_what_is_not_steady_has_no_compiled_form(actuators, wrenches, onsets):
     assert SteadyEffects.of(VEHICLE, actuators, wrenches, onsets) is None
