@@ -1,15 +1,10 @@
 """Flight as an MCAP file for Foxglove and PlotJuggler: frames, scene, path, and all that is
 plotted.
-
-Messages are JSON with their JSON Schemas, Foxglove's well-known ones and plain numbers. Names of
-schemas and fields are those of schemas/jsonschema of the Foxglove SDK; of these, mcap_schemas.json
-describes what is written. Quaternions are w, x, y, z here and fields by name there.
 """
 
-import dataclasses as dc
-import heapq
-import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +15,9 @@ from np_drake import attitude
 from np_drake.files.file_access import atomic_path, plain
 from np_drake.logs.errors import optional_package
 
-Json = dict[str, Any]
-Message = tuple[int, Json]  # time [ns], content
-SCHEMAS: Json = json.loads(Path(__file__).with_name("mcap_schemas.json").read_text())
-NUMBER = {"type": "number"}
-TIME = SCHEMAS["POSE_IN_FRAME"]["properties"]["timestamp"]
+# None without the extra `mcap`.
+fox: Any = None if find_spec("foxglove") is None else import_module("foxglove.messages")
 LEVEL = (1.0, 0.0, 0.0, 0.0)  # quaternion of no rotation
-SHAPES = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
-
 WORLD, VEHICLE, PAYLOAD = "world", "quadrotor", "payload"  # frames
 PATH_RATE = 10.0  # of the points of the reference path [Hz]
 DARK, RED, BLUE, GREY = (0.2, 0.2, 0.22), (0.84, 0.37, 0.0), (0.0, 0.45, 0.7), (0.6, 0.6, 0.6)
@@ -42,18 +32,9 @@ MEASURED = (
 )
 
 
-@dc.dataclass
-class Channel:
-    """Messages of one topic in the order of time."""
-
-    topic: str
-    schema: Json  # its title is its name
-    messages: Iterable[Message]
-
-
 def require_mcap(path: str | Path) -> None:
     """Check that MCAP files can be written; LogError if their package is not installed."""
-    optional_package("mcap.writer", path, "MCAP needs mcap; pip install 'np_drake[mcap]'.")
+    optional_package("foxglove", path, "MCAP needs foxglove-sdk; pip install 'np_drake[mcap]'.")
 
 
 def write_flight_mcap(flight: FlightResult, path: str | Path) -> None:
@@ -62,64 +43,54 @@ def write_flight_mcap(flight: FlightResult, path: str | Path) -> None:
     Raises: LogError: if the package is not installed; OSError: if the file cannot be written.
     """
     require_mcap(path)
-    from mcap.writer import Writer
+    import foxglove
 
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start(library="np_drake")
-        streams = []
-        for one in channels(flight):
-            schema = writer.register_schema(one.schema["title"], "jsonschema", _encoded(one.schema))
-            number = writer.register_channel(one.topic, "json", schema)
-            streams.append(
-                [(when, number, k, content) for k, (when, content) in enumerate(one.messages)]
-            )
-        for when, number, k, content in heapq.merge(*streams, key=lambda message: message[0]):
-            writer.add_message(number, when, _encoded(content), when, k)
-        writer.finish()
-
-
-def _encoded(content: Json) -> bytes:
-    return json.dumps(plain(content), separators=(",", ":"), allow_nan=False).encode()
+    context, channels = foxglove.Context(), dict[str, Any]()
+    how: dict[str, Any] = {"context": context, "allow_overwrite": True}
+    with atomic_path(path) as temporary, foxglove.open_mcap(temporary, **how):
+        for topic, when, content in _messages(flight):
+            numbers = isinstance(content, dict)
+            if topic not in channels:
+                schema = _schema(topic, content) if numbers else content.get_schema()
+                encoding = "json" if numbers else "protobuf"
+                channels[topic] = foxglove.Channel(
+                    topic, schema=schema, message_encoding=encoding, context=context
+                )
+            channels[topic].log(plain(content) if numbers else content.encode(), log_time=when)
 
 
-def channels(flight: FlightResult) -> list[Channel]:
-    """Return all channels: one message a row of the recorder, and one of what does not change."""
+def _schema(topic: str, content: dict[str, float]) -> dict[str, Any]:
+    return {
+        "title": "np_drake." + topic.strip("/").replace("/", "_"),
+        "type": "object",
+        "properties": {name: {"type": "number"} for name in content},
+    }
+
+
+def _messages(flight: FlightResult) -> Iterator[tuple[str, int, Any]]:
+    """Yield topic, time [ns] and content: numbers by name, or a message of Foxglove's."""
     s, every = flight.signals, max(1, round(1 / PATH_RATE / flight.config.controller.period))
-    times = np.round(1e9 * s["t"]).astype(np.int64).tolist()
-    points, level = s["p_ref"][::every], np.tile(LEVEL, (len(times), 1))
-    scene = (times[0], _scene(flight, times[0], points))
-    found = [Channel("/scene", SCHEMAS["SCENE_UPDATE"], [scene])]
-    x, p_WP = s["x_true"], flight.payload_position
-    placed = {VEHICLE: (x[:, :3], x[:, 3:7])}
-    if p_WP is not None:
-        placed[PAYLOAD] = (p_WP, level)
-        found.append(Channel("/tether", SCHEMAS["SCENE_UPDATE"], _tether(flight, times, p_WP)))
-    frames = [
-        [_transform(when, name, p[k], q[k]) for name, (p, q) in placed.items()]
-        for k, when in enumerate(times)
-    ]
-    moves = [(when, {"transforms": frame}) for when, frame in zip(times, frames, strict=True)]
-    found.append(Channel("/tf", SCHEMAS["FRAME_TRANSFORMS"], moves))
-    for topic, p, q in (("/reference", s["p_ref"], level), ("/quadrotor", *placed[VEHICLE])):
-        poses = [
-            _stamped(when, frame_id=WORLD, pose=_pose(p[k], q[k])) for k, when in enumerate(times)
-        ]
-        found.append(Channel(f"{topic}/pose", SCHEMAS["POSE_IN_FRAME"], poses))
-    for topic, names, values in _signals(flight):
-        title = "np_drake." + topic.strip("/").replace("/", "_")
-        fields = {"timestamp": TIME, **dict.fromkeys(names, NUMBER)}
-        schema = {"title": title, "type": "object", "properties": fields, "required": list(fields)}
-        rows = [
-            _stamped(when, **dict(zip(names, row, strict=True)))
-            for when, row in zip(times, values.tolist(), strict=True)
-        ]
-        found.append(Channel(topic, schema, rows))
-    return found
-
-
-def _stamped(when: int, **content: Any) -> Message:
-    return when, {"timestamp": _time(when), **content}
+    x, p_WP, numbers = s["x_true"], flight.payload_position, _signals(flight)
+    hook = np.array(flight.config.reality.payload.hook)
+    hooks = x[:, :3] + attitude.rotation_matrix(x[:, 3:7]) @ hook
+    for k, when in enumerate(np.round(1e9 * s["t"]).astype(np.int64).tolist()):
+        if k == 0:
+            yield "/scene", when, fox.SceneUpdate(entities=_bodies(flight, s["p_ref"][::every]))
+        frames = [_transform(VEHICLE, when, x[k, :3], x[k, 3:7])]
+        if p_WP is not None:
+            frames.append(_transform(PAYLOAD, when, p_WP[k], LEVEL))
+            line = _line(np.stack([hooks[k], p_WP[k]]), GREY)
+            yield (
+                "/tether",
+                when,
+                fox.SceneUpdate(entities=[_entity(WORLD, "tether", lines=[line])]),
+            )
+        yield "/tf", when, fox.FrameTransforms(transforms=frames)
+        for topic, p, q in (("reference", s["p_ref"][k], LEVEL), (VEHICLE, x[k, :3], x[k, 3:7])):
+            pose = fox.PoseInFrame(timestamp=_time(when), frame_id=WORLD, pose=_pose(p, q))
+            yield f"/{topic}/pose", when, pose
+        for topic, names, values in numbers:
+            yield topic, when, dict(zip(names, values[k], strict=True))
 
 
 def _signals(flight: FlightResult) -> list[tuple[str, Sequence[str], np.ndarray]]:
@@ -141,97 +112,78 @@ def _signals(flight: FlightResult) -> list[tuple[str, Sequence[str], np.ndarray]
     return [(topic, names, found) for topic, names, found in known if found is not None]
 
 
-def _tether(flight: FlightResult, times: list[int], p_WP: np.ndarray) -> list[Message]:
-    """Return the line from hook to payload at every time."""
-    x, hook = flight.signals["x_true"], np.array(flight.config.reality.payload.hook)
-    ends = np.stack([x[:, :3] + attitude.rotation_matrix(x[:, 3:7]) @ hook, p_WP], axis=1)
-    return [
-        (when, {"deletions": [], "entities": [_entity(when, WORLD, "tether", lines=[strip])]})
-        for when, strip in zip(times, (_line(line, GREY) for line in ends), strict=True)
-    ]
-
-
-def _scene(flight: FlightResult, when: int, track: np.ndarray) -> Json:
+def _bodies(flight: FlightResult, track: np.ndarray) -> list[Any]:
     """Return vehicle, payload and the line of the reference, `track` (n, 3) [m]."""
-    vehicle, middle = flight.config.vehicle, [0.0, 0.0, 0.0]
-    disc = [2 * vehicle.rotor_radius, 2 * vehicle.rotor_radius, 0.01]
+    vehicle, middle, width = (
+        flight.config.vehicle,
+        np.zeros(3),
+        2 * flight.config.vehicle.rotor_radius,
+    )
+    arm = float(np.mean(np.linalg.norm(vehicle.rotor_positions, axis=1)))
+    body = fox.CubePrimitive(**_solid(middle, (0.6 * arm, 0.6 * arm, 0.3 * arm), DARK))
     rotors = [
-        _solid(p, disc, BLUE if p[0] > 0 else GREY, bottom_scale=1.0, top_scale=1.0)
+        fox.CylinderPrimitive(
+            **_solid(p, (width, width, 0.01), BLUE if p[0] > 0 else GREY),
+            bottom_scale=1.0,
+            top_scale=1.0,
+        )
         for p in vehicle.rotor_positions
     ]
-    arm = float(np.mean(np.linalg.norm(vehicle.rotor_positions, axis=1)))
-    body = _solid(middle, [0.6 * arm, 0.6 * arm, 0.3 * arm], DARK)
     entities = [
-        _entity(when, VEHICLE, VEHICLE, cubes=[body], cylinders=rotors),
-        _entity(when, WORLD, "reference", lines=[_line(track, BLUE)]),
+        _entity(VEHICLE, VEHICLE, cubes=[body], cylinders=rotors),
+        _entity(WORLD, "reference", lines=[_line(track, BLUE)]),
     ]
     if flight.payload_position is not None:
         ball = _solid(middle, [2 * flight.config.reality.payload.radius] * 3, RED)
-        entities.append(_entity(when, PAYLOAD, PAYLOAD, spheres=[ball]))
-    return {"deletions": [], "entities": entities}
+        entities.append(_entity(PAYLOAD, PAYLOAD, spheres=[fox.SpherePrimitive(**ball)]))
+    return entities
 
 
-def _time(nanoseconds: int) -> Json:
-    return dict(zip(("sec", "nsec"), divmod(nanoseconds, 10**9), strict=True))
+def _time(nanoseconds: int) -> Any:
+    return fox.Timestamp(*divmod(nanoseconds, 10**9))
 
 
-def _vector(p: np.ndarray | Sequence[float]) -> Json:
-    return dict(zip("xyz", map(float, p), strict=True))
+def _vector(kind: str, names: str, values: Sequence[float] | np.ndarray) -> Any:
+    """Return a message of numbers by name: Vector3, Point3, Quaternion or Color."""
+    return getattr(fox, kind)(**dict(zip(names, map(float, values), strict=True)))
 
 
-def _quaternion(q: np.ndarray | Sequence[float]) -> Json:
-    return dict(zip("wxyz", map(float, q), strict=True))
-
-
-def _color(rgb: Sequence[float]) -> Json:
-    return dict(zip("rgba", (*rgb, 1.0), strict=True))
-
-
-def _pose(p: np.ndarray | Sequence[float], q: np.ndarray | Sequence[float] = LEVEL) -> Json:
+def _pose(p: Sequence[float] | np.ndarray, q: Sequence[float] | np.ndarray = LEVEL) -> Any:
     """Return a pose of position p (3,) [m] and quaternion q (4,)."""
-    return {"position": _vector(p), "orientation": _quaternion(q)}
+    return fox.Pose(
+        position=_vector("Vector3", "xyz", p), orientation=_vector("Quaternion", "wxyz", q)
+    )
 
 
-def _transform(when: int, child: str, p: np.ndarray, q: np.ndarray) -> Json:
+def _transform(child: str, when: int, p: np.ndarray, q: Sequence[float] | np.ndarray) -> Any:
     """Return the transform of a frame in W: position p (3,) [m] and quaternion q (4,)."""
-    return {
-        "timestamp": _time(when),
-        "parent_frame_id": WORLD,
-        "child_frame_id": child,
-        "translation": _vector(p),
-        "rotation": _quaternion(q),
-    }
+    return fox.FrameTransform(
+        timestamp=_time(when),
+        parent_frame_id=WORLD,
+        child_frame_id=child,
+        translation=_vector("Vector3", "xyz", p),
+        rotation=_vector("Quaternion", "wxyz", q),
+    )
 
 
-def _entity(when: int, frame: str, name: str, **shapes: list[Json]) -> Json:
-    """Return a scene entity that moves with its frame, from `when` on [ns]."""
-    return {
-        "timestamp": _time(when),
-        "frame_id": frame,
-        "id": name,
-        "lifetime": _time(0),
-        "frame_locked": True,
-        "metadata": [],
-        **{kind: shapes.get(kind, []) for kind in SHAPES},
-    }
+def _entity(frame: str, name: str, **shapes: Any) -> Any:
+    """Return a scene entity that moves with its frame."""
+    return fox.SceneEntity(frame_id=frame, id=name, frame_locked=True, **shapes)
 
 
 def _solid(
-    p: np.ndarray | Sequence[float], size: Sequence[float], color: Sequence[float], **more: Any
-) -> Json:
-    """Return a cube, sphere or cylinder about p (3,), of a size (3,) [m]."""
-    return {"pose": _pose(p), "size": _vector(size), "color": _color(color), **more}
+    p: Sequence[float] | np.ndarray, size: Sequence[float], color: Sequence[float]
+) -> dict[str, Any]:
+    """Return place, size (3,) [m] and colour of a cube, sphere or cylinder about p (3,) [m]."""
+    shown = _vector("Color", "rgba", (*color, 1.0))
+    return {"pose": _pose(p), "size": _vector("Vector3", "xyz", size), "color": shown}
 
 
-def _line(points: np.ndarray, color: Sequence[float]) -> Json:
+def _line(points: np.ndarray, color: Sequence[float]) -> Any:
     """Return a line strip of 1 cm through points (n, 3) [m]."""
-    return {
-        "type": 0,
-        "pose": _pose((0.0, 0.0, 0.0)),
-        "thickness": 0.01,
-        "scale_invariant": False,
-        "points": [_vector(p) for p in points],
-        "color": _color(color),
-        "colors": [],
-        "indices": [],
-    }
+    return fox.LinePrimitive(
+        pose=_pose(np.zeros(3)),
+        thickness=0.01,
+        points=[_vector("Point3", "xyz", p) for p in points],
+        color=_vector("Color", "rgba", (*color, 1.0)),
+    )
