@@ -28,6 +28,7 @@ traceback of an error before its line.
 PAGES = {  # verb -> the page that shows its use; a verb without one has an empty cell
     "demo": "guide/install.md",
     "fly": "guide/fly.md",
+    "certify": "guide/certify.md",
     "train": "guide/train.md",
     "evaluate": "guide/train.md",
     "import": "guide/import.md",

@@ -35,7 +35,8 @@ GROUND = (
 )
 EXPERIMENTS = (
     *("batch", "loop"),
-    *("studies", "gap", "demo", "challenge", "identification", "exports", "autopilot", "cli"),
+    *("studies", "gap", "demo", "challenge", "identification", "certify", "exports"),
+    *("autopilot", "cli"),
 )
 MOST_IMPORTS = 10  # of modules of the diagnosis by one of them; `diagnose` strings them together
 SIMULATOR = ("pydrake.systems", "pydrake.multibody", "pydrake.geometry", "pydrake.visualization")

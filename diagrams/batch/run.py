@@ -15,10 +15,8 @@ change the results.
 """
 
 import asyncio
-import base64
 import dataclasses as dc
 import hashlib
-import io
 import json
 import os
 import socket
@@ -33,8 +31,6 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from np_drake.checks import require as require
 from np_drake.files.file_access import kept_json, plain, require_writable, write_text
@@ -84,19 +80,6 @@ def _guarded(work: Callable[[Case], dict], mine: str, case: Case) -> Record:
 def _pure(content: Any) -> Any:
     """Return the value as it comes back from a file."""
     return json.loads(json.dumps(plain(content), allow_nan=False))
-
-
-def packed(arrays: Mapping[str, np.ndarray]) -> str:
-    """Return arrays as .npz in base 64, bit for bit, for the result of a case."""
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
-    return base64.b64encode(buffer.getvalue()).decode()
-
-
-def unpacked(text: str) -> dict[str, np.ndarray]:
-    """Return the arrays of `packed`; nothing pickled is read."""
-    with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as content:
-        return {name: content[name] for name in content.files}
 
 
 PATIENCE = 10.0  # until a scheduler that does not answer counts as unreachable [s]

@@ -1,4 +1,4 @@
-"""A score as tables, beside what is asked for, and its calibration as a figure."""
+"""A score as tables, and its calibration as a figure."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from diagrams.batch.run import Table
-from diagrams.challenge.sensors import QUALITIES
 from np_drake.files.figure_file import DASHES, PALETTE, Figure, new_figure
 from np_drake.files.number_text import NOTHING
 
@@ -53,55 +52,6 @@ ROWS = (
 )
 MARKERS = ("o", "s", "^", "D")
 PARTS = ("precision", "recall", "f1", "mean", "median", "half", "brier", "ece")  # that are shown
-MORE, LESS = float("inf"), -float("inf")
-# Label, keys, and the least and most that are asked for by quality [1].
-ASKED: tuple[tuple[str, str, dict[str, tuple[float, float]]], ...] = (
-    ("single: right class", "rates.single.class", {"clean": (0.98, MORE), "real": (0.88, MORE)}),
-    (
-        "right name, nothing else",
-        "rates.single.exact",
-        {"clean": (0.93, MORE), "real": (0.80, MORE)},
-    ),
-    (
-        "pairs and triples: F1",
-        "rates.several.all.f1",
-        {"clean": (0.92, MORE), "real": (0.75, MORE)},
-    ),
-    (
-        "`unknown` added to them",
-        "rates.several.unknown",
-        {"clean": (LESS, 0.1), "real": (LESS, 0.1)},
-    ),
-    (
-        "clean controls: false alarm",
-        "rates.clean.false_alarm",
-        {"clean": (LESS, 0.01), "real": (LESS, 0.03)},
-    ),
-    ("foreign: `unknown`", "rates.foreign.unknown", {"clean": (0.92, MORE), "real": (0.75, MORE)}),
-    (
-        "a wrong name above 0.9",
-        "rates.foreign.wrong_and_sure",
-        {"clean": (LESS, 0.0), "real": (LESS, 0.02)},
-    ),
-    (
-        "parameters: median error",
-        "parameters.median_error",
-        {"clean": (LESS, 0.03), "real": (LESS, 0.08)},
-    ),
-    (
-        "in the 95 % interval",
-        "parameters.coverage_rate",
-        {"clean": (0.90, 0.99), "real": (0.88, 0.99)},
-    ),
-    ("onset within 0.2 s", "onset.within", {"clean": (0.90, MORE), "real": (0.75, MORE)}),
-    ("shrink, mean", "shrink_relative.mean", {"clean": (0.95, MORE), "real": (0.85, MORE)}),
-    ("half are found at visibility", "detection.half", {"clean": (LESS, 1.1), "real": (LESS, 1.3)}),
-    (
-        "replay, 1 s: reduction",
-        "replay.median_reduction",
-        {"clean": (0.70, MORE), "real": (0.70, MORE)},
-    ),
-)
 
 
 def at(score: dict[str, Any], keys: str) -> Any:
@@ -131,8 +81,8 @@ def table(title: str, lines: Iterable[Mapping[str, Any]]) -> list[Table]:
 
 
 def tables(score: dict[str, Any], least: float) -> list[Table]:
-    """Return the tables worth printing: what is asked, metrics by quality where a set mixes
-    simulators, metrics by set, what is found by visibility, effects.
+    """Return the tables worth printing: metrics by quality where a set mixes simulators, metrics by
+    set, what is found by visibility, effects.
 
     least: visibility from which its cases count as visible [1].
     """
@@ -143,7 +93,7 @@ def tables(score: dict[str, Any], least: float) -> list[Table]:
         for row in part["detection"]["bins"]:
             edges = f"{row['lower']:g} … {row['upper']:g}"
             found.setdefault(row["lower"], {"visibility": edges})[name] = row
-    made = asked_tables(score)
+    made: list[Table] = []
     for some in parts:
         made += table(
             f"score: [95 % interval], cases; ({sure}): of that visibility; shrink: true model = 1",
@@ -170,33 +120,6 @@ def tables(score: dict[str, Any], least: float) -> list[Table]:
             ),
         ),
     ]
-
-
-def asked_tables(score: dict[str, Any]) -> list[Table]:
-    """Return, by quality that a score has cases of, what is asked for beside what it has."""
-    groups = score["groups"] or {score["sets"][0]["group"]: score}
-    parts = score["qualities"] or {name.rsplit(", ", 1)[1]: part for name, part in groups.items()}
-    made = []
-    for quality in (quality for quality in QUALITIES if quality in parts):
-        lines = [
-            {"figure": label, **_beside(quality, at(parts[quality], keys), *bounds[quality])}
-            for label, keys, bounds in ASKED
-            if quality in bounds
-        ]
-        made += table(f"asked of `{quality}`; short ones between asterisks", lines)
-    return made
-
-
-def _beside(quality: str, value: Any, low: float, high: float) -> dict[str, str]:
-    """Return what is asked for and the value, between asterisks where it falls short."""
-    asked = f"{low:g} … {high:g}" if low > LESS else f"≤ {high:g}"
-    rate = value["rate"] if isinstance(value, dict) else value
-    text = written(value)
-    short = rate is not None and not low <= rate <= high
-    return {
-        "asked": asked if high < MORE else f"≥ {low:g}",
-        quality: f"**{text}**" if short else text,
-    }
 
 
 def missed(score: dict[str, Any]) -> list[Table]:

@@ -31,6 +31,7 @@ REPORT = (
 VERBS = {  # verb: module of diagrams.cli, name there, summary; modules are loaded on use
     "demo": ("demo", "demo", "Fly, learn, fly again, diagnose, correct the simulator: one page."),
     "fly": ("fly", "fly", "Simulate an experiment with one controller, or with several."),
+    "certify": ("certify", "certify", "Where may a vehicle be flown, and how sure is that?"),
     "node": ("fly", "node", "Fly a vehicle through its autopilot, by MAVLink."),
     "train": ("train", "train", "Train a predictor from flight logs."),
     "evaluate": ("train", "evaluate", "Score predictors on flights."),

@@ -4,8 +4,9 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from diagrams.cli.fly import as_config, flights_table
+from diagrams.cli.fly import flights_table
 from diagrams.cli.verb import Jobs, Report, Run, Table, progress, reports, say
+from diagrams.loop.experiments import settings_of
 from diagrams.studies.options import DEFAULT_SOLVER, Solver, percent, tabulate
 from np_drake.mpc.solvers import require_solver
 
@@ -45,7 +46,7 @@ def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
             (causes, effects, list(cause_rows(result))),
             (meeting, errors, list(meeting_rows(result))),
         ],
-        config=as_config(flights[-1].config),
+        config=settings_of(flights[-1].config),
         metrics={
             "runs": [flight.summary() for flight in flights],
             "reduction": result.reduction(),

@@ -20,7 +20,6 @@ from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import LinkedFlight
 from diagrams.batch.run import FailedRun, part_of, require
 from diagrams.cli.verb import OUT, Report, Run, Table, VehicleFile, progress, reports, say, tell
-from diagrams.gap.corrected import drawn
 from diagrams.loop import comparison
 from diagrams.loop.controller_config import LEARNED
 from diagrams.loop.controllers import kind_of_model, make_residual_model
@@ -29,6 +28,7 @@ from diagrams.loop.experiments import (
     load_experiment,
     scenario_file,
     settings_of,
+    with_field,
     with_payload,
 )
 from diagrams.loop.flight import FlightConfig
@@ -43,7 +43,7 @@ from np_drake.autopilot.betaflight import find_firmware
 from np_drake.autopilot.mavlink import MavlinkLink
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.files.figure_file import save
-from np_drake.files.yaml_file import filled, read_yaml
+from np_drake.files.yaml_file import read_yaml
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import load_vehicle
 from np_drake.vehicle.scaling import usual_rate_loop
@@ -101,15 +101,6 @@ def fly(
     ] = None,
     vehicle: VehicleFile = None,
     reality: Reality = None,
-    sample: Annotated[
-        int | None,
-        Option(
-            min=1,
-            max=10_000,
-            metavar="N",
-            help="Fly N simulators drawn from the posterior of a corrected one.",
-        ),
-    ] = None,
     mcap: Annotated[
         Path | None,
         Option(
@@ -120,9 +111,8 @@ def fly(
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
     require(
-        link is None or not (controller or predictor or sample is not None),
-        "give either --link, whose node has the controller, or --controller, --predictor and "
-        "--sample.",
+        link is None or not (controller or predictor),
+        "give either --link, whose node has the controller, or --controller and --predictor.",
     )
     configs = scenarios(
         experiment,
@@ -136,8 +126,8 @@ def fly(
         fields=fields or (),
     )
     require(
-        (mcap is not None) + (sample is not None) + (len(configs) > 1) <= 1,
-        "give either --mcap, which takes one flight, or --sample, or several --controller.",
+        mcap is None or len(configs) == 1,
+        "give either --mcap, which takes one flight, or several --controller.",
     )
     if mcap is not None:
         require_mcap(mcap)
@@ -150,12 +140,10 @@ def fly(
         flights, tables, figures = [flight], [linked], list[str]()
         metrics = {"experiment": configs[0].name, "autopilot": dict(linked[2])}
     else:
-        flown = configs if sample is None else drawn(configs[0], sample, run.seed)
-        flights = fly_all(flown, run.seed, lost if compared else None)
+        flights = fly_all(configs, run.seed, lost if compared else None)
         tables, figures = [flights_table(flights)], ["track", "errors", "wrench"]
         summaries = [flight.summary() for flight in flights]
-        one = len(flown) == 1 and sample is None
-        metrics = summaries[0] if one else {"flights": summaries}
+        metrics = {"flights": summaries} if compared else summaries[0]
     if mcap is not None:
         write_flight_mcap(flights[0], mcap)
         say(f"MCAP: {mcap}")
@@ -168,10 +156,10 @@ def fly(
             say(f"comparison: {comparison.write_comparison(flights, folder, lost=named)}")
 
     said = [comparison.sentence(flights), *filter(None, [comparison.models(flights)])]
-    own = {config.controller.name: as_config(config) for config in configs}
+    own = {config.controller.name: settings_of(config) for config in configs}
     return Report(
         tables,
-        config=own if compared else as_config(configs[0]),
+        config=own if compared else settings_of(configs[0]),
         metrics=metrics,
         summary=said if compared else [],
         notes=[] if link is not None else [note for flight in flights for note in _notes(flight)],
@@ -255,10 +243,7 @@ def _with_fields(config: FlightConfig, fields: Sequence[str]) -> FlightConfig:
         name, sign, value = text.partition("=")
         require(bool(sign), f"--set: must be FIELD=VALUE, as reference.speed=2; got {text!r}.")
         try:
-            content = yaml.safe_load(value)
-            for part in reversed(name.split(".")):
-                content = {part: content}
-            config = filled(config, content)
+            config = with_field(config, name, yaml.safe_load(value))
         except (ValueError, yaml.YAMLError) as error:
             raise ValueError(f"--set {text}: {error}") from error
     return config
@@ -383,14 +368,6 @@ def _notes(flight: FlightResult) -> list[str]:
     more = " or later, the latest that is looked for" if flight.delay > longest - 1e-9 else ""
     late = f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late{more}"
     return [late] if flight.delay else []
-
-
-def as_config(config: FlightConfig) -> dict:
-    """Return the scenario as plain data, for `--json`."""
-    kept = ("integration_scheme", "max_step_size", "accuracy")
-    return settings_of(config) | {
-        "simulator": {name: getattr(config.simulator, name) for name in kept}
-    }
 
 
 def flights_table(flights: Sequence[FlightResult]) -> Table:

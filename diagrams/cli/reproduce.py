@@ -71,8 +71,6 @@ STUDIES = {
     "sample-efficiency": Study(
         "studies.estimation", "Error against training samples.", function="sample_study"
     ),
-    "timing": Study("studies.speed", "What a period costs.", many=False),
-    "gap": Study("gap.real_flights", "The diagnosis on agile real flights.", seed=None, many=False),
     "real": Study(
         "challenge.real_score", "The diagnosis on real flights with known causes.", seed=None
     ),
@@ -82,7 +80,7 @@ STUDIES = {
     "identification": Study(
         "identification.simulated", "Simulated vehicles identified from their logs.", 5800
     ),
-    "peers": Study("identification.peers", "Identification beside other libraries.", 6800),
+    "coverage": Study("certify.coverage", "Certificates of simulated vehicles, flown.", 7800),
 }
 
 
@@ -113,7 +111,6 @@ def find(name: str) -> Study:
     return STUDIES[name]
 
 
-RECORDED = {"mpc": "np, K = 4", "mpc_refit": "paper, K = 24"}  # key of --json: recorded problems
 TIMES = (
     ("problems", "suite"),
     ("solver", "name"),
@@ -125,6 +122,7 @@ TIMES = (
     ("to acados", "ratio_to_acados"),
     ("gap", lambda line: f"{line['gap_median']:.1e}"),
 )
+PREDICTIONS = (*TIMES[:1], *TIMES[2:6], ("to sqp", "ratio_to_sqp"))
 ANSWERS = (
     ("problems", "suite"),
     ("solver", "name"),
@@ -144,7 +142,7 @@ def bench(
         float, Option(min=1.0, max=3600.0, help="Simulated time of the simulator [s].")
     ] = 40.0,
 ) -> Report:
-    """Time solvers and simulator; peers: CasADi + IPOPT (extra `bench`), acados."""
+    """Time solvers, predictions and simulator; peers: CasADi + IPOPT (extra `bench`), acados."""
     if os.environ.get("OMP_NUM_THREADS") != "1":
         tell(
             "OMP_NUM_THREADS is not 1: small matrices run two to three times slower on "
@@ -161,18 +159,18 @@ def bench(
         )
         train_row(row, paper, seed=run.seed, solver="sqp")
         advance(0.5, "recording")
-        config, recorded = measure.record_problems(problems, seed=run.seed)
-        _, refit = measure.record_problems(problems, seed=run.seed, predictor=str(paper))
+        kinds: dict[str, dict[str, Any]] = {
+            "np, K = 4": {},
+            "paper, K = 24": {"predictor": str(paper)},
+            "paper, K = 24, N = 40": {"predictor": str(paper), "horizon": 40},
+        }
+        recorded = {
+            name: measure.record_problems(problems, seed=run.seed, **kind)
+            for name, kind in kinds.items()
+        }
         advance(1.0, "")
-    mpc = config.controller.mpc
     with run.counting("solvers") as on_progress:
-        found = measure.suite(
-            config.vehicle,
-            mpc,
-            recorded=dict(zip(RECORDED.values(), (recorded, refit), strict=True)),
-            period=config.controller.period,
-            progress=on_progress,
-        )
+        found, predictions = measure.suite(recorded, progress=on_progress)
     with progress("simulator", 1.0):
         factor = measure.real_time_factor(seconds=seconds, seed=run.seed)
     lines = [{"suite": suite, **line} for suite, of in found.items() for line in of]
@@ -182,18 +180,12 @@ def bench(
                 "NP-MPC solvers; to …: ratio of medians in this run; gap: median", lines, TIMES
             ),
             tabulate("NP-MPC solvers, answers", lines, ANSWERS),
+            tabulate("predictions: label, update and forecast", predictions, PREDICTIONS),
         ],
-        config=dc.asdict(mpc),
+        config=dc.asdict(next(iter(recorded.values()))[0].controller.mpc),
         metrics={
-            **{
-                key: {line["name"]: {"N": mpc.horizon, **line} for line in found[name]}
-                for key, name in RECORDED.items()
-            },
-            "mpc_growth": [
-                {"N": n, "K": K, "solver": line["name"], **line}
-                for n, K in measure.GROWTH
-                for line in found[measure.growth_name(n, K)]
-            ],
+            "mpc": {name: {line["name"]: line for line in of} for name, of in found.items()},
+            "predictions": predictions,
             "simulator": {"real_time_factor": {"closed_loop": factor}},
         },
         notes=[f"simulator with sensors, predictor and NP-MPC: {factor:.3g} times real time"],

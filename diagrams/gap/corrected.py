@@ -1,5 +1,5 @@
-"""Corrected simulator of a diagnosis: a scenario with its causes, draws from their posterior, its
-file, and the trial whether a plain controller keeps its vehicle in the air.
+"""Corrected simulator of a diagnosis: a scenario with its causes, its file, and the trial whether
+a plain controller keeps its vehicle in the air.
 """
 
 import dataclasses as dc
@@ -12,7 +12,6 @@ import numpy as np
 import yaml
 from jinja2 import Environment
 
-from diagrams.batch.run import require
 from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_result import LostVehicle, fly
 from np_drake.diagnosis.report.words import headline, listed
@@ -65,29 +64,6 @@ def _entry(cause: Cause) -> EffectEntry | None:
     onset = float(np.median(seen)) if seen and min(seen) > 0 else None
     entry = EffectEntry.of(cause.effect, onset=onset, probability=cause.probability)
     return dc.replace(entry, onsets=onsets)
-
-
-def drawn(config: FlightConfig, count: int, seed: int) -> list[FlightConfig]:
-    """Return simulators drawn from the posterior of a corrected one, each with a disturbance of its
-    own.
-    Raises: ValueError: if the scenario has no posterior and no uncertain effect, so that all draws
-        were the same.
-    """
-    reality = config.reality
-    require(
-        bool(reality.posterior.parameters) or any(e.probability != 1.0 for e in reality.effects),
-        f"{config.name}: there must be a posterior to draw from; name reality.posterior, or take "
-        f"the corrected.yaml of a diagnosis.",
-    )
-    generator, found = np.random.default_rng(seed), []
-    for k in range(count):
-        effects = reality.posterior.draw(reality.effects, generator)
-        disturbance = dc.replace(reality.disturbance, seed=int(generator.integers(2**31)))
-        own = dc.replace(reality, effects=effects, disturbance=disturbance)
-        found.append(
-            dc.replace(config, name=f"{config.name}_{k + 1}", reality=own).check_and_step()
-        )
-    return found
 
 
 def remaining_disturbance(where: Localisation) -> DisturbanceConfig:
@@ -162,7 +138,7 @@ def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> N
         said=[line.replace(NBSP, " ") for line in said],
         scenario="".join(
             yaml.safe_dump(
-                _stated(plain(block)), sort_keys=False, default_flow_style=None, width=110
+                stated(plain(block)), sort_keys=False, default_flow_style=None, width=110
             )
             for block in blocks
         ),
@@ -173,10 +149,10 @@ def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> N
     write_text(path, text)
 
 
-def _stated(value: Any) -> Any:
+def stated(value: Any) -> Any:
     """Return a value without what is None in it."""
     if isinstance(value, dict):
-        return {key: _stated(inner) for key, inner in value.items() if inner is not None}
+        return {key: stated(inner) for key, inner in value.items() if inner is not None}
     return value
 
 

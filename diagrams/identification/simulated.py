@@ -440,9 +440,9 @@ def run(
 
 
 def _share(line: Line, key: str) -> str:
-    share, half = line[key], line[f"{key}_ci95"]
+    half = line[f"{key}_ci95"]
     spread = "" if half is None else f" ± {100 * half:.1f}"
-    told = NOTHING if share is None else f"{100 * share:.1f}{spread} %"
+    told = NOTHING if line[key] is None else f"{100 * line[key]:.1f}{spread} %"
     return f"{told} of {line[f'{key}_told']}"
 
 

@@ -35,7 +35,8 @@ class ControllerConfig:
     # MODULE:NAME
     kind: str = "nominal"
     parameters: dict[str, float] = dc.field(default_factory=dict)  # of one's own, by name
-    extra_mass: float = number(0.0, "kg", 0)  # that controller and estimator add to the vehicle's
+    vehicle: Vehicle | None = None  # that controller and estimator assume; None: the one that flies
+    extra_mass: float = number(0.0, "kg", 0)  # that they add to its mass
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
     predictor: str = (
         ""  # model file of a learned kind; np, payload_filter: empty for the packaged one
@@ -56,6 +57,8 @@ class ControllerConfig:
         """
         self.mpc.check()
         self.label.check()
+        if self.vehicle is not None:
+            self.vehicle.check()
         own = is_own(self.kind)
         require(
             own or self.kind in CONTROLLERS,
@@ -94,8 +97,9 @@ class ControllerConfig:
         return self
 
     def believed(self, vehicle: Vehicle) -> Vehicle:
-        """Return the vehicle that controller and estimator assume."""
-        return vehicle.with_mass(vehicle.mass + self.extra_mass)
+        """Return the vehicle that controller and estimator assume where `vehicle` flies."""
+        assumed = self.vehicle or vehicle
+        return assumed.with_mass(assumed.mass + self.extra_mass)
 
     @property
     def name(self) -> str:

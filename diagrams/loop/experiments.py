@@ -12,7 +12,7 @@ import numpy as np
 from diagrams.batch.run import require
 from diagrams.loop.flight import LOOKS, FlightConfig, load_flight
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.files.yaml_file import read_yaml
+from np_drake.files.yaml_file import filled, read_yaml
 from np_drake.vehicle import Vehicle
 from systems.payload_config import PayloadConfig
 
@@ -36,8 +36,20 @@ EXPERIMENTS = (
 
 
 def settings_of(config: FlightConfig) -> dict[str, Any]:
-    """Return the settings of a flight as a dictionary."""
-    return dc.asdict(config) | {"simulator": config.__getstate__()["simulator"]}
+    """Return the settings of a flight as a dictionary, of the simulator those that matter."""
+    kept = ("integration_scheme", "max_step_size", "accuracy", "use_error_control")
+    simulator = {name: getattr(config.simulator, name) for name in kept}
+    return dc.asdict(config) | {"simulator": simulator}
+
+
+def with_field(config: FlightConfig, name: str, value: Any) -> FlightConfig:
+    """Return the scenario with a field changed, as `reference.speed`.
+
+    Raises: ValueError: where it has none of that name, or of another kind.
+    """
+    for part in reversed(name.split(".")):
+        value = {part: value}
+    return filled(config, value)
 
 
 def load_experiment(

@@ -49,7 +49,8 @@ class FlightConfig:
     scaled: bool = (
         False  # the file's values are those for the paper's vehicle and scale with this one
     )
-    vehicle: Vehicle = dc.field(default_factory=Vehicle)  # as the controller believes it
+    # that flies, and as the controller assumes it where `controller.vehicle` names no other
+    vehicle: Vehicle = dc.field(default_factory=Vehicle)
     reality: RealityConfig = dc.field(default_factory=RealityConfig)  # what acts beyond that
     reference: ReferenceConfig = dc.field(default_factory=ReferenceConfig)  # motion to follow
     controller: ControllerConfig = dc.field(

@@ -1,24 +1,23 @@
-"""Workloads of `np-drake bench`: the solvers on the same problems in one run, and the simulator.
+"""Workloads of `np-drake bench`: the solvers on the same problems in one run, what a prediction
+takes, and the simulator.
 
-Only ratios compare across runs. The problems are recorded on the lemniscate, or made without a
-simulator: closed-loop tracking.
+Only ratios compare across runs. The problems are recorded on the lemniscate.
 """
 
-import dataclasses as dc
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from diagrams.loop.controllers import make_residual_model
 from diagrams.loop.flight import FlightConfig
-from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
+from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator, recorded
 from diagrams.studies.acados_peer import AcadosSolver
 from diagrams.studies.casadi_peer import CasadiSolver
 from diagrams.studies.sweep import Row, configure
-from np_drake import attitude
+from np_drake.labels import LabelFilter, labelled
 from np_drake.mpc.controller import shift
-from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.ipopt import IpoptCondensedSolver
 from np_drake.mpc.problem import (
     MpcConfig,
@@ -29,14 +28,12 @@ from np_drake.mpc.problem import (
     SolverFailure,
 )
 from np_drake.mpc.sqp import SqpSolver
-from np_drake.residual_model import WrenchForecast
+from np_drake.residual_model import Sample
 from np_drake.vehicle import Vehicle
 
-_TRUE_WRENCH = np.array([0.4, -0.3, -2.0, 0.01, -0.01, 0.002])  # that pulls at the vehicle [N, N·m]
 _BLOCK = 20  # problems that a solver takes in a row [1]
 _WARM_UP = 3  # untimed solves of the first problem
 PEERS = ("casadi", "acados")  # names of the solvers that ratios refer to
-GROWTH = ((10, 24), (20, 24), (40, 24), (20, 12), (20, 0))  # (N, K) of the generated problems [1]
 _log = logging.getLogger(__name__)
 
 
@@ -132,118 +129,62 @@ def _report(
 ) -> dict:
     given = [(a, b) for a, b in zip(answers, best, strict=True) if a is not None]
     gaps = np.array([(a.cost - b) / max(abs(b), 1e-6) for a, b in given] or [np.nan])
-    ms = 1e3 * seconds
-    tails = {f"p{q}_ms": float(np.percentile(ms, q)) for q in (95, 99)}
     return {
-        **{"name": name, "problems": len(answers), "median_ms": float(np.median(ms)), **tails},
-        **{"max_ms": float(ms.max()), "failures": len(answers) - len(given)},
+        **{"name": name, "problems": len(answers), **_times(seconds)},
+        "failures": len(answers) - len(given),
         "fallbacks": sum(a.status >= MpcStatus.SQP_FALLBACK for a, _ in given),
         **{"gap_median": float(np.median(gaps)), "gap_max": float(gaps.max())},
         "violation_max": float(max((a.violation for a, _ in given), default=np.nan)),
     }
 
 
+Flown = tuple[FlightConfig, Sequence[MpcProblem], dict[str, np.ndarray]]  # with its signals
+
+
+def _times(seconds: np.ndarray) -> dict[str, float]:
+    """Return median, 95 % and 99 % quantiles and the largest of times (n,) [ms]."""
+    ms = 1e3 * seconds
+    tails = {f"p{q}_ms": float(np.percentile(ms, q)) for q in (95, 99)}
+    return {"median_ms": float(np.median(ms)), **tails, "max_ms": float(ms.max())}
+
+
 def suite(
-    vehicle: Vehicle,
-    config: MpcConfig,
-    *,
-    recorded: Mapping[str, Sequence[MpcProblem]],
-    period: float = 0.02,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> dict[str, list[dict]]:
-    """Run the whole benchmark and return the reports by name of the problem set.
-
-    The sets are recorded tracking by name and generated tracking of growing size; `period` parts
-    the problems [s].
+    flown: Mapping[str, Flown], *, progress: Callable[[int, int], None] = lambda done, total: None
+) -> tuple[dict[str, list[dict]], list[dict]]:
+    """Run the whole benchmark on recorded flights, and return the reports of the solvers by the
+    name of the problems, and of the predictions.
     """
-    sets = {name: (config, problems) for name, problems in recorded.items()}
-    for n, K in GROWTH:
-        other = dc.replace(config, horizon=n)
-        generated = tracking_problems(vehicle, other, period=period, lifted=K)
-        sets[growth_name(n, K)] = other, generated
-    reports = {}
-    for done, (name, (c, problems)) in enumerate(sets.items(), start=1):
-        patient = SqpSolver(vehicle, c, steps=30, max_steps=30, time_limit=1.0)
-        solvers = make_solvers(vehicle, c)
-        reports[name] = run(solvers, problems, step=c.step, period=period, optimum=patient)
-        progress(done, len(sets))
-    return reports
+    reports, predictions = {}, []
+    for done, (name, (config, problems, signals)) in enumerate(flown.items(), start=1):
+        vehicle, control = config.vehicle, config.controller
+        patient = SqpSolver(vehicle, control.mpc, steps=30, max_steps=30, time_limit=1.0)
+        solvers = make_solvers(vehicle, control.mpc)
+        how = {"step": control.mpc.step, "period": control.period}
+        reports[name] = run(solvers, problems, optimum=patient, **how)
+        sqp = next(line["median_ms"] for line in reports[name] if line["name"] == "sqp")
+        spent = _times(prediction_times(config, signals))
+        predictions.append({"suite": name, **spent, "ratio_to_sqp": spent["median_ms"] / sqp})
+        progress(done, len(flown))
+    return reports, predictions
 
 
-def growth_name(n: int, K: int) -> str:
-    """Return the name of generated problems."""
-    return f"N = {n}, K = {K}"
-
-
-def tracking_problems(
-    vehicle: Vehicle,
-    config: MpcConfig,
-    *,
-    count: int = 200,
-    period: float = 0.02,
-    lifted: int = 24,
-    seed: int = 0,
-) -> list[MpcProblem]:
-    """Return the problems of a closed loop on the circle.
-
-    The vehicle is 5 % heavier than the controller's and pulled by an oscillating wrench. Every
-    problem has its own stable A, B, C (K = `lifted`), whose forecast starts at the true wrench.
-    """
-    rng = np.random.default_rng(seed)
-    plant = DiscreteDynamics(vehicle.with_mass(1.05 * vehicle.mass), period)
-    solver = SqpSolver(vehicle, config, time_limit=np.inf)
-    plan: MpcSolution | None = None
-    base = _base_model(rng, lifted)
-    x = circle(vehicle, np.zeros(1))[0][0]
-    problems = []
-    for k in range(count):
-        chi = _TRUE_WRENCH * (1 + 0.3 * np.sin(3.5 * k * period))
-        measured = x + rng.normal(size=13) * np.repeat([0.001, 0.0, 0.01, 0.01], [3, 4, 3, 3])
-        x_ref, u_ref = circle(vehicle, k * period + config.step * np.arange(config.horizon + 1))
-        forecast = _forecast(rng, base, chi, config.horizon)
-        problems.append(MpcProblem(measured, x_ref, u_ref[:-1], forecast))
-        warm = None if plan is None else shift(plan, elapsed=period, step=config.step)
-        plan = solver.solve(problems[-1], warm)
-        x = plant.advance(x, plan.u[0], chi)
-    return problems
-
-
-def circle(vehicle: Vehicle, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return x_ref (n, 13) and u_ref (n, 4) on a circle of 1 m at 1.5 m/s, 1.6 m high."""
-    c, s, zero = np.cos(1.5 * t), np.sin(1.5 * t), np.zeros_like(t)
-    push = np.stack([-2.25 * c, -2.25 * s, zero + vehicle.gravity], axis=1)
-    size = np.linalg.norm(push, axis=1)
-    q = attitude.quaternion_from_axes(push / size[:, None], 0.0)
-    p, v = np.stack([c, s, zero + 1.6], axis=1), np.stack([-1.5 * s, 1.5 * c, zero], axis=1)
-    u = np.zeros((len(t), 4))
-    u[:, 0] = vehicle.mass * size
-    return np.concatenate([p, q, v, np.zeros_like(p)], axis=1), u
-
-
-def _base_model(rng: np.random.Generator, K: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A with spectral radius 0.97, B, C, for wrenches of newtons and hundredths of newton
-    metres.
-    """
-    A = rng.normal(size=(K, K))
-    A *= 0.97 / np.abs(np.linalg.eigvals(A)).max() if K else 1.0
-    scale = np.array([1.0, 1.0, 1.0, 0.02, 0.02, 0.02])
-    return (
-        A,
-        0.05 * rng.normal(size=(K, 6)),
-        scale[:, None] * rng.normal(size=(6, K)) / np.sqrt(max(K, 1)),
-    )
-
-
-def _forecast(rng: np.random.Generator, base, chi: np.ndarray, horizon: int) -> WrenchForecast:
-    """Return the base model refitted.
-
-    Each matrix is 1 % off at every step, and z is the least one whose wrench is chi.
-    """
-    A, B, C = (M * (1 + 0.01 * rng.normal(size=M.shape)) for M in base)
-    if len(A) == 0:
-        return WrenchForecast(A, B, C, np.zeros(0), np.tile(chi, (horizon, 1)))
-    A *= min(1.0, 0.98 / np.abs(np.linalg.eigvals(A)).max())
-    return WrenchForecast(A, B, C, np.linalg.pinv(C) @ chi, np.zeros((horizon, 6)))
+def prediction_times(config: FlightConfig, signals: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the time of label, update and forecast in every period of a flight (n,) [s]."""
+    control, times = config.controller, []
+    believed = control.believed(config.vehicle)
+    model = make_residual_model(control, believed)
+    assert model is not None
+    labels = LabelFilter(labelled(believed, model), control.label, step=control.period)
+    kept, memory = labels.initial_memory(), model.initial_memory()
+    for x, acceleration, u in zip(
+        signals["x"][1:], signals["acceleration"][1:], signals["u"], strict=False
+    ):
+        start = time.perf_counter()
+        kept, chi = labels.step(kept, x=x, a=acceleration[:3], al=acceleration[3:], u=u)
+        memory = model.update(memory, Sample(x, u, chi))
+        model.forecast(memory, horizon=control.mpc.horizon, stride=control.stride)
+        times.append(time.perf_counter() - start)
+    return np.array(times)
 
 
 class RecordingSolver:
@@ -260,18 +201,20 @@ class RecordingSolver:
 
 
 def record_problems(
-    count: int, *, seed: int, predictor: str = ""
-) -> tuple[FlightConfig, list[MpcProblem]]:
-    """Return the NP-MPC problems of `count` periods in a row on the lemniscate, from the end of the
-    ramp on, with a model file; the one that ships with the package by default.
+    count: int, *, seed: int, predictor: str = "", horizon: int | None = None
+) -> Flown:
+    """Return the flight and the NP-MPC problems of `count` periods in a row on the lemniscate, from
+    the end of the ramp on, with a model file and a horizon; by default those of the package.
     """
     config = configure("lemniscate", Row("np", "np"), solver="sqp", model=predictor)
     config.duration = count * config.controller.period
+    config.controller.mpc.horizon = horizon or config.controller.mpc.horizon
     simulator = make_simulator(make_flight_diagram(config), config, seed=seed)
     controller = simulator.get_system().GetSubsystemByName("np_mpc").controller
     controller.solver = recorder = RecordingSolver(controller.solver)
     simulator.AdvanceTo(config.end - 0.5 * config.controller.period)
-    return config, recorder.problems[-count:]
+    signals = recorded(simulator.get_system(), simulator.get_context())
+    return config, recorder.problems[-count:], signals
 
 
 def real_time_factor(*, seconds: float, seed: int) -> float:

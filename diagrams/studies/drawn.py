@@ -4,10 +4,7 @@ flight.
 """
 
 import dataclasses as dc
-import math
-import tempfile
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -31,7 +28,7 @@ from diagrams.studies.options import (
 from diagrams.studies.sweep import Row, choose_rows, fly_rows, tidy, training_config
 from diagrams.studies.tracking import DITHERED
 from np_drake import metrics
-from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER, PayloadFilterModel
+from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER
 from np_drake.vehicle import Vehicle
 
 LEARNED: dict[str, Any] = {"training": DITHERED, "configuration": LEARNED_BANK}
@@ -40,11 +37,7 @@ ROWS = (
     Row("np", "np", **LEARNED),
     Row(PEER, PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),
     Row("hold", "hold"),
-    Row("np of 1 length", "np", **LEARNED),
-    Row("np of 3 lengths", "np", **LEARNED),
-    Row("np of 9 lengths", "np", **LEARNED),
 )
-LENGTHS = {"np of 1 length": 1, "np of 3 lengths": 3, "np of 9 lengths": 9}  # of the members
 SETTLED = 3.0  # after the ramp, before errors count [s]
 BEFORE, AFTER = (-1.0, -0.05), (1.5, 2.5)  # the levels of f_z are means over these [s]
 WATCHED = 3.0  # after an event, in which the error's peak is looked for [s]
@@ -53,17 +46,6 @@ SOON = 0.2  # within which a change ought to be known [s]
 BEYOND_SETTINGS = Envelope(tuple(BEYOND), 0.0)
 CHANGES = Envelope((PLAIN,), 1.0)
 Draws = Annotated[int, Option("--draws", min=1, max=100_000, help="Flights a row.")]
-
-
-def of_lengths(model: PayloadFilterModel, count: int) -> PayloadFilterModel:
-    """Return the model with members of `count` lengths over the same span, a single one in its
-    middle, each as much wider as they lie farther apart.
-    """
-    bank = model.bank
-    first, last, wider = bank.lengths[0], bank.lengths[-1], bank.log_length
-    lengths = np.geomspace(first, last, count) if count > 1 else [math.sqrt(first * last)]
-    wider *= (len(bank.lengths) - 1) / max(count - 1, 1)
-    return dc.replace(model, bank=dc.replace(bank, lengths=tuple(lengths), log_length=wider))
 
 
 def flown(case: Case, row: Row, model: str, *, envelope: Envelope, solver: str) -> dict:
@@ -76,16 +58,11 @@ def flown(case: Case, row: Row, model: str, *, envelope: Envelope, solver: str) 
     except ValueError as error:
         return {"kind": "", "lost": str(error)}
     config.controller.kind, config.controller.solver = row.kind, solver
-    with tempfile.TemporaryDirectory() as folder:
-        if row.name in LENGTHS:
-            changed = Path(folder) / "model.safetensors"
-            of_lengths(PayloadFilterModel.load(model), LENGTHS[row.name]).save(changed)
-            model = str(changed)
-        config.controller.predictor = model
-        try:
-            s = fly(config.check(), seed=case["draw"]).signals
-        except FailedRun as error:
-            return {"kind": kind, "lost": str(error)}
+    config.controller.predictor = model
+    try:
+        s = fly(config.check(), seed=case["draw"]).signals
+    except FailedRun as error:
+        return {"kind": kind, "lost": str(error)}
     steady = s["t"] >= config.reference.lead + SETTLED
     errors = metrics.tracking_errors(s["x_true"][steady, :3], s["p_ref"][steady])
     found = {"kind": kind, "lost": "", "E_xy": errors["E_xy"], "E_z": errors["E_z"]}

@@ -16,9 +16,8 @@ import numpy as np
 import pandas as pd
 
 from diagrams.batch.run import Case, Report, Run, every_result, require
-from diagrams.studies.figures import Panel, panel_figure
 from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, grouped, required, tabulate
-from np_drake.files.figure_file import Figure
+from np_drake.files.figure_file import Figure, Panel, panel_figure
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
@@ -363,7 +362,7 @@ def sample_efficiency(
 
 
 def sample_study(run: Run, neurobem: Neurobem = None) -> Report:
-    """Error against training samples. On race track 1; --out DIR: figure."""
+    """Error against training samples. On race track 1."""
     training, tests = flights(required("sample-efficiency", neurobem, NEUROBEM_FLIGHTS))
     require(FLIGHT in tests, f"sample-efficiency: the folder must hold {FLIGHT}.")
     settings = configs(run.seed)
@@ -381,24 +380,4 @@ def sample_study(run: Run, neurobem: Neurobem = None) -> Report:
         config={name: dc.asdict(one) for name, one in settings.items()},
         metrics={"table": points, "published": CURVE},
         lines=[f"seed {run.seed}"],
-        figures={"sample_efficiency.png": lambda: efficiency_figure(points, title)},
     )
-
-
-def efficiency_figure(points: list[dict], title: str) -> Figure:
-    """Plot force and torque against training samples, and the paper's curve."""
-    panels = []
-    for kind in KINDS:
-        curves = {
-            row: (
-                [p["samples"] for p in points if p["row"] == row],
-                [p[kind][0] for p in points if p["row"] == row],
-            )
-            for row in OURS.values()
-        }
-        curves["NP (published)"] = list(SIZES), [p[kind] for p in CURVE[:-1]]
-        ends = [SIZES[0], SIZES[-1]]
-        grey = {p["row"]: (ends, [p[kind][0]] * 2) for p in points if not p["samples"]}
-        axes = {"yscale": "log", "xlabel": "training samples", "ylabel": f"{kind} RMSE [SI]"}
-        panels.append(Panel(curves, axes, grey))
-    return panel_figure([panels], title, width=9.0, height=3.6, marker="o")

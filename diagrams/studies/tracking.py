@@ -18,7 +18,6 @@ from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import load_experiment, scenario_file, settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
-from diagrams.studies.figures import Panel, panel_figure
 from diagrams.studies.options import (
     DEFAULT_SOLVER,
     Column,
@@ -34,7 +33,7 @@ from diagrams.studies.options import (
 )
 from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means, training_config
 from np_drake import metrics
-from np_drake.files.figure_file import Figure
+from np_drake.files.figure_file import Figure, Panel, panel_figure
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.training.train import make_config
 from np_drake.payload_filter.bank_options import STATED

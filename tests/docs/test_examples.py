@@ -13,7 +13,7 @@ from np_drake.effects.library import LIBRARY
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
 SCRIPTS = sorted(EXAMPLES.glob("*.py"))
-SLOW = ("diagnose_a_log", "train_and_evaluate")  # by night; the guide does the same by commands
+SLOW = ("diagnose_a_log",)  # by night; the guide does the same by commands
 PRINTS = {  # script: what stands in its last lines
     "add_an_effect": "('ground_spring',)",
     "custom_diagram": "E_xy",
@@ -21,7 +21,6 @@ PRINTS = {  # script: what stands in its last lines
     "diagnose_a_log": "suspended_payload",
     "fly_a_scenario": "np",
     "learn_a_correction": "cascade + correction: 4.",
-    "train_and_evaluate": "lifted linear system",
 }
 NEEDS = {"learn_a_correction": "gymnasium"}  # script: package that no command needs
 SHORTER = {"learn_a_correction": {"policies": 8}}  # script: what `main` takes, for time

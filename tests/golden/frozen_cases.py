@@ -24,11 +24,11 @@ from joblib import Parallel, delayed
 from diagrams.challenge.draw import CaseDraw, case_name
 from diagrams.challenge.make import Making, write_case
 from diagrams.challenge.solve import diagnose_folder
-from diagrams.gap.real_flights import agile_flights
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
 from np_drake.files.file_access import write_text
-from np_drake.logs.formats.neurobem import published_vehicle
+from np_drake.logs.formats.neurobem import AGILE, published_vehicle
+from np_drake.logs.opening import open_flights
 
 SEED, SECONDS = 36, 10.0
 DIGITS = 10  # significant ones that are stored
@@ -120,7 +120,8 @@ def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
     if name.startswith(f"{REAL}/"):
         if neurobem is None:
             raise ValueError(f"golden: {name} needs the folder of the NeuroBEM flights.")
-        flights, held = agile_flights(neurobem), int(name.split("/")[1])
+        paths = [neurobem / "csv" / f"merged_{one}.csv" for one in AGILE]
+        flights, held = [open_flights(path)[0][0] for path in paths], int(name.split("/")[1])
         train = [flights[(held + 1) % len(flights)]]
         test = [flights[held]]
         return summary(diagnose(published_vehicle(), train, test, adaptive_split=False).as_json())

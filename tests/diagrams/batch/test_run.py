@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from diagrams.batch import run as campaign
-from diagrams.batch.run import FailedRun, Workers, every_result, failures, packed, results, unpacked
+from diagrams.batch.run import FailedRun, Workers, every_result, failures, results
 
 CONFIG = {"solver": "sqp", "reality": {"drag": 0.25}}
 CASES = [{"row": "np", "speed": speed} for speed in (0.5, 1.0, 1.5)]
@@ -154,10 +154,3 @@ def test_a_case_without_a_result_is_a_line_and_loses_no_other():
         results([LOST, LOST])
     with pytest.raises(FailedRun, match=r"^np, 2: lost: its process died \(1 of 2 cases failed\)$"):
         every_result([DONE, LOST])
-
-
-def test_arrays_come_back_bit_for_bit():
-    arrays = {"chi": np.array([[np.nan, 1 / 3, -0.0]]), "empty": np.zeros((0, 6))}
-    back = unpacked(packed(arrays))
-    assert back.keys() == arrays.keys()
-    assert all(back[name].tobytes() == value.tobytes() for name, value in arrays.items())

@@ -50,9 +50,9 @@ def test_a_study_runs_in_silence_from_python(tmp_path, capfd, monkeypatch):
 
 
 def test_a_table_takes_its_own_options_only(capsys):
-    assert run(["reproduce", "gap", "--spacing", "3"]) == 2
+    assert run(["reproduce", "identification", "--spacing", "3"]) == 2
     assert "No such option" in capsys.readouterr().err
-    assert run(["reproduce", "timing", "--help"]) == 0
+    assert run(["reproduce", "changes", "--help"]) == 0
     said = capsys.readouterr().out
-    assert "--only" in said
-    assert "--solver" not in said
+    assert "--draws" in said
+    assert "--grid" not in said

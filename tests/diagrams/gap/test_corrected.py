@@ -5,14 +5,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from diagrams.gap.corrected import (
-    FILE,
-    corrected_simulator,
-    drawn,
-    remaining_disturbance,
-    write_corrected,
-)
-from diagrams.loop.flight import default_flight, load_flight
+from diagrams.gap.corrected import FILE, corrected_simulator, remaining_disturbance, write_corrected
+from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis import result
@@ -125,23 +119,6 @@ def test_the_file_says_intervals_and_the_onsets_of_every_flight(tmp_path):
     (entry,) = config.reality.effects
     assert (entry.made, entry.onsets) == (ThrustScale(0.9), {"a": 0.0, "b": 3.5, "c": np.inf})
     assert "scale: 0.9  # [1], 95 %: 0.8804 to 0.9196" in (tmp_path / FILE).read_text()
-
-
-def test_draws_have_the_posteriors_mean_and_covariance():
-    C = np.array([[0.01**2, 0.6e-4 * 0.5], [0.6e-4 * 0.5, 0.006**2]])
-    posterior = Posterior(["thrust_scale.scale", "mass_error.delta_mass"], C.tolist())
-    causes = (cause(e, probability=1.0) for e in (ThrustScale(0.9), MassError(0.1)))
-    found = diagnosis(*causes, posterior=posterior)
-    sets = [c.reality.added for c in drawn(corrected_simulator(found, Vehicle()), 2000, seed=3)]
-    values = np.array([[thrust.scale, mass.delta_mass] for thrust, mass in sets])
-    np.testing.assert_allclose(values.mean(axis=0), [0.9, 0.1], atol=1e-3)
-    np.testing.assert_allclose(np.cov(values.T), C, rtol=0.1, atol=2e-6)
-
-
-def test_without_a_posterior_nothing_can_be_drawn():
-    config = dc.replace(default_flight(Vehicle()), name="mine")
-    with pytest.raises(ValueError, match="mine: there must be a posterior"):
-        drawn(config, 2, seed=0)
 
 
 def test_what_remains_has_size_and_time_of_the_noiseless_residual():

@@ -1,6 +1,5 @@
 """Laws of the studies of drawn flights: what is compared, and how soon a change is known."""
 
-import dataclasses as dc
 import math
 
 import numpy as np
@@ -9,9 +8,8 @@ import pytest
 
 from diagrams.loop.controller_config import NP_MODEL
 from diagrams.studies import drawn
-from diagrams.studies.drawn import CHANGES, compared, flown, known_after, of_lengths, responses
+from diagrams.studies.drawn import CHANGES, compared, flown, known_after, responses
 from diagrams.studies.sweep import Row
-from np_drake.payload_filter.model_file import PayloadFilterModel
 
 T = 0.02 * np.arange(-100, 151)  # since the event [s]
 FORCES = {"a step": ((T >= 0.3).astype(float), 0.3), "a ramp": (np.clip(T, 0.0, 1.0), 0.9)}
@@ -22,18 +20,6 @@ FORCES = {"a step": ((T >= 0.3).astype(float), 0.3), "a ramp": (np.clip(T, 0.0, 
 def test_a_force_is_known_at_nine_tenths_of_its_change(what, level, size):
     force, expected = FORCES[what]
     assert known_after(T, level + size * force) == pytest.approx(expected, abs=0.0201)  # a sample
-
-
-@pytest.mark.parametrize("count", [1, 3, 9])
-def test_fewer_members_cover_the_same_span_and_are_wider(count):
-    model = PayloadFilterModel.load(NP_MODEL)
-    bank, found = model.bank, of_lengths(model, count).bank
-    middle = math.sqrt(bank.lengths[0] * bank.lengths[-1])
-    ends = (bank.lengths[0], bank.lengths[-1]) if count > 1 else (middle, middle)
-    assert (found.lengths[0], found.lengths[-1]) == pytest.approx(ends)
-    assert found.log_length == pytest.approx({1: 4, 3: 2, 9: 0.5}[count] * bank.log_length)
-    kept = {"lengths": bank.lengths, "log_length": bank.log_length}
-    assert dc.replace(found, **kept) == bank
 
 
 def lines(**columns):

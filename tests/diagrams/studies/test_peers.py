@@ -1,6 +1,5 @@
 """Laws of the peers on acados and CasADi; skipped without them."""
 
-import dataclasses as dc
 import importlib.util
 import sys
 
@@ -8,7 +7,6 @@ import numpy as np
 import pytest
 
 from diagrams.studies.acados_peer import FOLDER, AcadosSolver
-from diagrams.studies.bench import tracking_problems
 from diagrams.studies.casadi_peer import CasadiSolver, ProblemInCasadi
 from np_drake.mpc.controller import shift
 from np_drake.mpc.sqp import SqpSolver
@@ -23,18 +21,17 @@ def peer(vehicle, config, **how):
 
 
 @pytest.mark.parametrize("K", [0, 24])
-def test_the_peer_has_the_same_optimum(vehicle, config, K):
-    config = dc.replace(config, horizon=10)
-    problems = tracking_problems(vehicle, config, count=5, lifted=K)
+def test_the_peer_has_the_same_optimum(vehicle, config, make_problem, K):
+    problems = [make_problem(config, K=K, seed=k) for k in range(5)]
     sqp = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
     dut = peer(vehicle, config, steps=15)
     gaps = [dut.solve(p).cost / sqp.solve(p).cost - 1 for p in problems]
     np.testing.assert_allclose(gaps, 0.0, atol=1e-6)  # relative; HPIPM's tolerance
 
 
-def test_one_iteration_is_our_sqp_step(vehicle, config):
+def test_one_iteration_is_our_sqp_step(vehicle, config, make_problem):
     """Both are full Gauss-Newton steps of the same problem from the same plan."""
-    first, second = tracking_problems(vehicle, config, count=2)
+    first, second = (make_problem(config, offset=offset) for offset in (0.1, 0.09))
     sqp = SqpSolver(vehicle, config, max_steps=1, time_limit=np.inf)
     plan = shift(sqp.solve(first), elapsed=0.02, step=config.step)
     ours, theirs = (s.solve(second, plan) for s in (sqp, peer(vehicle, config)))

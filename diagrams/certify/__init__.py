@@ -1,0 +1,8 @@
+"""What may be flown: flights drawn from ranges and from what is known of a vehicle, and an exact
+bound of how often they fail.
+"""
+
+from diagrams.certify.certificate import Bound, Certificate, certify
+from diagrams.certify.draws import Range, drawn_flight
+
+__all__ = ["Bound", "Certificate", "Range", "certify", "drawn_flight"]

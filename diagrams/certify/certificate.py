@@ -1,0 +1,370 @@
+"""Certificate: where in the ranges a vehicle may be flown, with an exact bound of how often it
+fails there.
+
+Half of the flights explore: first evenly, then at the border of what fails too often. The largest
+part of the map in which they failed seldom enough is chosen. The other half are drawn in that part
+alone, after it was chosen: their failures are binomial, and Clopper-Pearson's bound is exact.
+"""
+
+import dataclasses as dc
+from collections.abc import Sequence
+from functools import partial
+from itertools import combinations_with_replacement
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import yaml
+from scipy import stats
+
+from diagrams.batch.run import Case, Run, every_result, make_folder, require
+from diagrams.certify.draws import Range, drawn_flight, with_value
+from diagrams.gap.corrected import stated
+from diagrams.loop.experiments import settings_of
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import LostVehicle, fly
+from np_drake import metrics
+from np_drake.diagnosis.gap import manoeuvre
+from np_drake.effects.library import in_scenarios
+from np_drake.files.figure_file import PALETTE, Figure, new_figure
+from np_drake.files.file_access import plain, write_text
+from np_drake.vehicle.sources import PART
+
+FEWEST = 4  # flights a cell of the map
+ROUNDS = 4  # of exploring at the border
+DRIVERS = 8  # quantities that a table shows
+NOTED = 2.0  # rank correlation over that of chance, from which a quantity counts [1]; own choice
+MOST_KEPT = 20  # failed flights that are written as scenario files
+EVEN, EXPLORING, CONFIRMING = "flying", "exploring", "confirming"
+
+
+@dc.dataclass(frozen=True)
+class Bound:
+    """Failures among independent flights, and Clopper-Pearson's one-sided bound of their rate."""
+
+    failures: int
+    flights: int
+    confidence: float  # [1]
+
+    @property
+    def upper(self) -> float:
+        """Rate that is not exceeded, with the confidence [1]; 1 where nothing has flown."""
+        k, n = self.failures, self.flights
+        return 1.0 if k == n else float(stats.beta.ppf(self.confidence, k + 1, n - k))
+
+    def __str__(self) -> str:
+        """Return failures and bound in words."""
+        return f"{self.failures} of {self.flights}, at most {100 * self.upper:.2g} %"
+
+
+@dc.dataclass(frozen=True)
+class Certificate:
+    """Answer of `certify`.
+
+    over: ranges; the first two make the map.
+    part: (a, b) cells of the map in which the vehicle may be flown.
+    flights: a line for every flight: `stage`, `shares`, `refused`, `lost`, `peak` and `E_xy` [m],
+        `failed`, and what was drawn.
+    """
+
+    config: FlightConfig
+    over: tuple[Range, ...]
+    part: np.ndarray
+    flights: pd.DataFrame
+    confidence: float
+    limit: float
+    within: float
+
+    @property
+    def confirming(self) -> pd.DataFrame:
+        """Flights that were drawn in the part after it was chosen."""
+        return self.flights[self.flights["stage"] == CONFIRMING]
+
+    def bound(self, of: str = "failed") -> Bound:
+        """Return the bound of `failed`, of `lost` (refused flights among them), or of `outside`,
+        flights that came down but left the corridor.
+        """
+        rows = self.confirming
+        return Bound(int(rows[of].sum()), len(rows), self.confidence)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the bound of failures is below the limit."""
+        return self.bound().upper <= self.limit
+
+    def quantile(self, key: str, share: float) -> float:
+        """Return the quantile of `peak` or `E_xy` in the part [m]; inf where lost flights reach
+        it.
+        """
+        values = self.confirming[key].astype(float).fillna(np.inf)
+        return float(np.quantile(values, share, method="higher")) if len(values) else np.nan
+
+    def drivers(self) -> list[dict[str, Any]]:
+        """Return what goes with the largest deviation, most of all first.
+
+        A line has the name, its rank correlation over all flights (lost ones rank last) and the
+        share that failed in its lowest, middle and highest third, and, of what was drawn from an
+        interval or a posterior, what would tell it better.
+        """
+        rank = self.flights["peak"].astype(float).fillna(np.inf).rank()
+        ranges, lines = [one.name for one in self.over], []
+        for name in self.flights.columns.difference(KEYS):
+            known = self.flights[name].notna()
+            value, own = self.flights.loc[known, name].astype(float), rank[known]
+            if value.nunique() < 3 or own.nunique() < 2:
+                continue
+            rho = float(stats.spearmanr(value, own).statistic)
+            if abs(rho) * np.sqrt(len(value)) < NOTED:
+                continue
+            third = pd.qcut(value.rank(method="first"), 3, labels=False)
+            shares = self.flights.loc[known, "failed"].groupby(third).mean()
+            by = "" if name in ranges else self._teller(name)
+            lines.append({"name": name, "rho": rho, "thirds": shares.tolist(), "told_by": by})
+        return sorted(lines, key=lambda line: -abs(line["rho"]))[:DRIVERS]
+
+    def _teller(self, name: str) -> str:
+        """Return the manoeuvre or the source of the vehicle file that tells a drawn quantity."""
+        effect = name.partition(".")[0]
+        if effect in in_scenarios():
+            return manoeuvre((effect,))
+        field = PART.match(name)[1]  # type: ignore[index]
+        sources = self.config.vehicle.sources
+        return sources.get(name) or sources.get(field) or "a measurement of it"
+
+    def allowed(self) -> list[tuple[str, str]]:
+        """Return, for every cell of the first range, what the second may be."""
+        if not self.over:
+            return []
+        first, second = self.over[0], self.over[1] if len(self.over) > 1 else None
+        a, b = self.part.shape
+        found = []
+        for i, row in enumerate(self.part):
+            cells = np.flatnonzero(row)
+            said = "no"
+            if len(cells) and second is None:
+                said = "yes"
+            elif len(cells) and second is not None:
+                said = f"{second.at(cells[0] / b):.3g} to {second.at((cells[-1] + 1) / b):.3g}"
+            found.append((f"{first.at(i / a):.3g} to {first.at((i + 1) / a):.3g}", said))
+        return found
+
+    def figure(self) -> Figure:
+        """Return the map: flights, where they failed, and the part that may be flown."""
+        require(len(self.over) > 1, "certify: a map needs two ranges; name another --over.")
+        x, y = self.over[1], self.over[0]
+        figure, axes = new_figure(1, 1, width=6.5, height=5.0)
+        ax, (a, b) = axes[0, 0], self.part.shape
+        edges = [one.at(np.arange(n + 1) / n) for one, n in ((x, b), (y, a))]
+        blue = np.where(self.part[..., None], [0.72, 0.86, 0.95], 1.0)
+        ax.pcolormesh(*edges, blue)
+        shares = np.array(self.flights["shares"].tolist())
+        gone = (self.flights["lost"] | (self.flights["refused"] != "")).to_numpy()
+        outside = self.flights["outside"].to_numpy()
+        for which, style, said in (
+            (~gone & ~outside, {"marker": ".", "color": "0.35", "s": 8}, "flown"),
+            (outside, {"marker": "^", "color": PALETTE[4], "s": 22}, f"beyond {self.within:g} m"),
+            (gone, {"marker": "x", "color": PALETTE[1], "s": 22}, "lost, or not flyable"),
+        ):
+            if which.any():
+                ax.scatter(x.at(shares[which, 1]), y.at(shares[which, 0]), label=said, **style)
+        labels = (f"{one.name} [{UNITS.get(one.name, 'SI')}]" for one in (x, y))
+        ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
+        ax.set(xlim=(x.low, x.high), ylim=(y.low, y.high))
+        bound = self.bound()
+        ax.set_title(
+            f"{self.config.name} with {self.config.controller.name}: blue is the part in which "
+            f"{bound.failures}\nof {bound.flights} flights failed, at most "
+            f"{100 * bound.upper:.2g} % ({100 * self.confidence:g} % sure)",
+            fontsize=9,
+        )
+        figure.legend(loc="outside lower center", ncols=3)
+        return figure
+
+    def write_failed(self, folder: Path, seed: int) -> list[Path]:
+        """Write drawn flights that failed as scenario files, and return their paths."""
+        make_folder(folder)
+        failed = self.flights[self.flights["failed"] & (self.flights["refused"] == "")]
+        written = []
+        for number, row in failed.sort_values("stage").head(MOST_KEPT).iterrows():
+            flight, _ = drawn_flight(self.config, self.over, row["shares"], seed=(seed, number))
+            flight = dc.replace(flight, name=f"{flight.name}_{number}")
+            content = scenario_content(flight)
+            path = folder / f"{flight.name}.yaml"
+            head = f"# Flight {number} of a certificate: np-drake fly {path.name} --seed {number}\n"
+            write_text(path, head + yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
+            written.append(path)
+        return written
+
+
+def scenario_content(config: FlightConfig) -> dict[str, Any]:
+    """Return what a scenario file of a flight holds, in SI."""
+    return stated(plain(settings_of(dc.replace(config, scaled=False))))
+
+
+KEYS = ("stage", "shares", "refused", "lost", "outside", "failed", "peak", "E_xy")
+UNITS = {"payload": "kg", "tether": "m", "speed": "m/s", "wind": "m/s"}
+
+
+def flown(case: Case, *, config: FlightConfig, over: Sequence[Range], seed: int) -> dict:
+    """Return what became of a drawn flight: why it was refused, whether it was lost, largest
+    deviation and E_xy [m], None of one that was not flown to its end, and what was drawn.
+    """
+    try:
+        flight, drawn = drawn_flight(config, over, case["shares"], seed=(seed, case["flight"]))
+    except ValueError as error:
+        asked = {one.name: float(one.at(k)) for one, k in zip(over, case["shares"], strict=True)}
+        return {"refused": str(error), "lost": True, "peak": None, "E_xy": None, "drawn": asked}
+    try:
+        result = fly(flight, seed=case["flight"])
+    except LostVehicle:
+        return {"refused": "", "lost": True, "peak": None, "E_xy": None, "drawn": drawn}
+    off = np.linalg.norm(result.flown - result.signals["p_ref"], axis=1)
+    rows = result.scored
+    errors = metrics.tracking_errors(result.flown[rows], result.signals["p_ref"][rows])
+    told = {"peak": float(off.max()), "E_xy": errors["E_xy"]}
+    return {"refused": "", "lost": False, **told, "drawn": drawn}
+
+
+def chosen_part(failed: np.ndarray, flown_there: np.ndarray, rate: float) -> np.ndarray:
+    """Return the largest part of a map that reaches from a corner and in which at most `rate` of
+    the flights failed [1].
+
+    With a cell, it holds all cells between that and the corner.
+
+    Args:
+        failed: (a, b) flights that failed in each cell.
+        flown_there: (a, b) flights in each cell.
+    """
+    a, b = failed.shape
+    widths = np.array(list(combinations_with_replacement(range(b, -1, -1), a)))
+    best, found = (0, 0.0), np.zeros((a, b), bool)
+    for flip in ((), (0,), (1,), (0, 1)):
+        sums = [
+            np.pad(np.cumsum(np.flip(of, flip), axis=1), ((0, 0), (1, 0)))
+            for of in (failed, flown_there)
+        ]
+        k, n = (of[np.arange(a), widths].sum(axis=1) for of in sums)
+        size = np.where(k <= rate * n, widths.sum(axis=1), 0)
+        place = int(np.lexsort((-k, size))[-1])
+        if (int(size[place]), -float(k[place])) > best:
+            best = (int(size[place]), -float(k[place]))
+            found = np.flip(np.arange(b) < widths[place][:, None], flip)
+    return found
+
+
+def border(part: np.ndarray) -> np.ndarray:
+    """Return the cells (k, 2) of a part beside cells that are not of it; all where there are
+    none.
+    """
+    around = np.pad(part, 1, mode="edge")
+    inner = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
+    edge = part & ~inner
+    return np.argwhere(edge if edge.any() else part)
+
+
+def _fly(
+    run: Run,
+    config: FlightConfig,
+    over: Sequence[Range],
+    places: Sequence[Sequence[float]],
+    *,
+    first: int,
+    stage: str,
+    within: float,
+) -> list[dict[str, Any]]:
+    """Return a line, as of `Certificate.flights`, for the flight at each place, numbered from
+    `first` on.
+    """
+    settings = {"scenario": settings_of(config), "over": [dc.astuple(one) for one in over]}
+    work = partial(flown, config=config, over=over, seed=run.seed)
+    cases = [{"flight": first + k, "shares": list(place)} for k, place in enumerate(places)]
+    records = run.cases(stage, "flights", work, cases, config=settings | {"seed": run.seed})
+    lines = []
+    for case, found in zip(cases, every_result(records), strict=True):
+        drawn, outside = found.pop("drawn"), not found["lost"] and found["peak"] > within
+        line = {"stage": stage, "shares": case["shares"], **found, "outside": outside}
+        lines.append({**line, "failed": found["lost"] or outside, **drawn})
+    return lines
+
+
+def fly_draws(
+    config: FlightConfig, over: Sequence[Range], flights: int, *, within: float, run: Run
+) -> pd.DataFrame:
+    """Return flights drawn evenly over ranges, as of `Certificate.flights`; arguments as of
+    `certify`.
+    """
+    places = np.random.default_rng(run.seed).random((flights, len(over))).tolist()
+    return pd.DataFrame(_fly(run, config, over, places, first=0, stage=EVEN, within=within))
+
+
+def certify(
+    config: FlightConfig,
+    over: Sequence[Range] = (),
+    *,
+    flights: int = 1000,
+    within: float = np.inf,
+    limit: float = 0.01,
+    confidence: float = 0.95,
+    cells: int = 6,
+    run: Run | None = None,
+) -> Certificate:
+    """Fly draws of a scenario and return where, and how surely, it may be flown.
+
+    A flight fails that loses the vehicle, cannot be flown as drawn, or is ever farther than
+    `within` from its reference.
+
+    Args:
+        config: scenario, in whose vehicle's intervals and reality's posterior flights are drawn.
+        over: ranges, of which the first two make the map.
+        flights: in all; without a range none of them explores.
+        within: radius of the corridor about the reference [m].
+        limit: largest rate of failures that is accepted [1].
+        confidence: of the bound [1].
+        cells: of the map along each range.
+        run: seed, workers, folder and progress; None: one process, silent, seed 0.
+    Raises: ValueError: on a range that does not fit the scenario; FailedRun: where a flight ends in
+        an error.
+    """
+    run, over = run or Run(), tuple(one.check() for one in over)
+    names = [one.name for one in over]
+    require(len({*names}) == len(names), f"--over: ranges must differ; got {', '.join(names)}.")
+    for one in over:  # a field that there is not is no flight that failed
+        with_value(config, one.name, one.low)
+    shape = tuple(cells if k < len(over) else 1 for k in range(2))
+    require(
+        flights >= (FEWEST * int(np.prod(shape)) if over else 1),
+        f"--flights: must be at least {FEWEST} a cell of the map, {FEWEST * int(np.prod(shape))}; "
+        f"got {flights}. Or take fewer --cells.",
+    )
+    failed, count = np.zeros(shape, int), np.zeros(shape, int)
+    lines = list[dict[str, Any]]()
+    explored = flights // 2 if over else 0
+    left = flights - explored
+    # Share of failures with which as many flights would still be certified [1].
+    rate = max(k for k in range(left) if not k or Bound(k, left, confidence).upper <= limit) / left
+    rng = np.random.default_rng(run.seed)
+
+    def fly_in(chosen: np.ndarray, stage: str) -> None:
+        """Fly one flight in each of the cells (n, 2)."""
+        shares = (chosen + rng.random(chosen.shape)) / shape
+        more = rng.random((len(chosen), max(len(over) - 2, 0)))
+        places = np.concatenate([shares[:, : len(over)], more], axis=1).tolist()
+        found = _fly(run, config, over, places, first=len(lines), stage=stage, within=within)
+        for line, cell in zip(found, chosen, strict=True):
+            failed[tuple(cell)] += line["failed"]
+            count[tuple(cell)] += 1
+        lines.extend(found)
+
+    every = np.argwhere(count == 0)
+    first = explored // 2
+    fly_in(rng.permutation(every)[np.arange(first) % len(every)], EXPLORING)
+    for _ in range(ROUNDS if explored else 0):
+        near = border(chosen_part(failed, count, rate))
+        if len(near):
+            fly_in(near[np.arange((explored - first) // ROUNDS) % len(near)], EXPLORING)
+    part = chosen_part(failed, count, rate)
+    inside = np.argwhere(part)
+    if len(inside):
+        fly_in(inside[rng.integers(len(inside), size=flights - len(lines))], CONFIRMING)
+    return Certificate(config, over, part, pd.DataFrame(lines), confidence, limit, within)

@@ -1,0 +1,178 @@
+"""Study `coverage`: whether certificates hold. Simulated vehicles are identified and diagnosed from
+three logs each, certified, and flown as they truly are.
+"""
+
+import dataclasses as dc
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+from typer import Option
+
+from diagrams.batch.run import Case, Report, Run, failures, results
+from diagrams.certify.certificate import Certificate, certify, fly_draws, scenario_content
+from diagrams.certify.draws import Range
+from diagrams.gap.corrected import corrected_simulator
+from diagrams.identification.simulated import draw_and_fly
+from diagrams.loop.flight import FlightConfig, default_flight
+from diagrams.studies.options import Column, fixed, percent, tabulate
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.effects.disturbance import DisturbanceConfig
+from np_drake.effects.effect_entry import EffectEntry, Posterior
+from np_drake.files.yaml_file import filled
+from np_drake.identification.identified_vehicle import identified_vehicle
+from np_drake.identification.identify import identify
+
+FLIGHTS, SECONDS = 3, 30.0  # that are logged, and their length [s]
+PAYLOAD = (0.02, 0.3)  # over the mass of the vehicle [1]
+SPEED = (0.6, 2.0)  # over that of the scaled circle [1]
+CORRIDOR = 0.12  # over the radius of the circle [1]
+SCORED = 4.0  # of a flight of the paper's vehicle, after its ramp [s]
+CLOSE = 0.2  # of a prediction [1]
+WIDE = 0.2  # half of a naive interval over its value [1]
+LIMIT, CELLS = 0.05, 4  # of a certificate
+ROWS = ("certificate", "mean vehicle", "vehicle file ± 20 %")
+
+
+def known(case: Case) -> dict[str, Any]:
+    """Return, of the vehicle of a case {"seed"}, the scenario that its logs describe and the one
+    that is true.
+    """
+    truth, logs, _ = draw_and_fly(case["seed"], "throttle", FLIGHTS, SECONDS)
+    mass, battery = truth.vehicle.mass, truth.throttle.voltage
+    vehicle = identified_vehicle(identify(logs, truth.known, mass=mass), "identified")
+    answer = diagnose(vehicle, logs[:-1], logs[-1:])
+    config, default = corrected_simulator(answer, vehicle), default_flight(vehicle)
+    found = config.reality  # in which a payload may hang as a cause
+    payload = default.reality.payload if found.hung.tether == "none" else found.payload
+    told = dc.replace(
+        config,
+        duration=SCORED * default.duration / FlightConfig().duration,
+        reality=dc.replace(found, payload=payload),
+        controller=dc.replace(config.controller, kind="hold"),
+    )
+    hover = truth.throttle.throttle(0.25 * mass * vehicle.gravity, battery)
+    assert vehicle.throttle is not None
+    thrust = truth.throttle.thrust(hover, battery) / vehicle.throttle.thrust(hover, battery)
+    true = dc.replace(
+        told,
+        vehicle=truth.vehicle,
+        controller=dc.replace(told.controller, vehicle=vehicle),
+        reality=dc.replace(
+            told.reality,
+            effects=[EffectEntry.of(effect) for effect in (truth.drag, truth.flapping, truth.lift)],
+            payload=default.reality.payload,
+            thrust_scale=float(thrust),
+            posterior=Posterior(),
+            disturbance=DisturbanceConfig(),
+        ),
+    )
+    contents = {"told": scenario_content(told), "true": scenario_content(true)}
+    return {**contents, "verdict": list(answer.verdict)}
+
+
+def without_spread(config: FlightConfig) -> FlightConfig:
+    """Return the scenario of the mean vehicle, of which nothing is drawn."""
+    vehicle = dc.replace(
+        config.vehicle, intervals={}, mass_uncertainty=None, thrust_uncertainty=None
+    )
+    return dc.replace(
+        config, vehicle=vehicle, reality=dc.replace(config.reality, posterior=Posterior())
+    )
+
+
+def with_plain_spread(config: FlightConfig) -> FlightConfig:
+    """Return the vehicle alone, whose mass, thrust and inertia are known to 20 %."""
+    plain = without_spread(config)
+    inertia = [
+        [one - WIDE * abs(one), one + WIDE * abs(one)] for one in np.ravel(plain.vehicle.inertia)
+    ]
+    vehicle = dc.replace(
+        plain.vehicle,
+        intervals={"inertia": inertia},
+        mass_uncertainty=WIDE / 2,
+        thrust_uncertainty=WIDE / 2,
+    )
+    reality = dc.replace(plain.reality, effects=[], disturbance=DisturbanceConfig())
+    return dc.replace(plain, vehicle=vehicle.check(), reality=reality)
+
+
+def judged(found: Certificate, true: pd.DataFrame) -> dict[str, Any]:
+    """Return whether a certificate holds for flights of the vehicle as it truly is, evenly drawn
+    over the map: failures in its part within the bound, largest deviation as predicted.
+    """
+    shares = np.array(true["shares"].tolist())
+    cell = np.minimum((shares * found.part.shape).astype(int), np.array(found.part.shape) - 1)
+    own = true[found.part[cell[:, 0], cell[:, 1]]]
+    bound, flown, failed = found.bound(), len(own), int(own["failed"].sum())
+    line: dict[str, Any] = {"part": float(found.part.mean()), "flown": flown, "failed": failed}
+    line |= {"upper": bound.upper, "covered": failed <= bound.upper * flown}
+    for key in ("E_xy", "peak"):
+        seen = float(own[key].astype(float).fillna(np.inf).quantile(0.95)) if flown else np.nan
+        said = found.quantile(key, 0.95)
+        line |= {f"{key}_said": said, f"{key}_seen": seen}
+        line[f"{key}_close"] = bool(abs(said - seen) <= CLOSE * seen) if flown else None
+    return line
+
+
+COLUMNS: tuple[Column, ...] = (
+    ("drawn from", "row"),
+    ("vehicles", "vehicles"),
+    ("bound holds", percent("covered")),
+    ("part of the map", percent("part")),
+    ("peak within 20 %", percent("peak_close")),
+    ("E_xy within 20 %", percent("E_xy_close")),
+    ("peak, said / seen", fixed("peak_ratio", 2)),
+    ("failed as flown", percent("rate", 1)),
+)
+
+
+def run(
+    run: Run,
+    vehicles: Annotated[int, Option(min=1, max=10_000, help="Simulated vehicles.")] = 20,
+    flights: Annotated[int, Option(min=20, max=100_000, help="Flights of a certificate.")] = 120,
+    true: Annotated[int, Option(min=20, max=100_000, help="Flights as it truly is.")] = 150,
+) -> Report:
+    """Certificates of simulated vehicles, from their own logs. Beside naive draws; then flown."""
+    cases = [{"seed": run.seed + number} for number in range(vehicles)]
+    settings = {"flights": FLIGHTS, "seconds": SECONDS}
+    prepared = run.cases("identified and diagnosed", "vehicles", known, cases, config=settings)
+    results(prepared)
+    lines = []
+    for record in (record for record in prepared if "result" in record):
+        told, real = (filled(FlightConfig(), record["result"][of]) for of in ("told", "true"))
+        speed = told.reference.speed
+        over = (
+            Range("payload", *(share * told.vehicle.mass for share in PAYLOAD)),
+            Range("speed", *(share * speed for share in SPEED)),
+        )
+        how: dict[str, Any] = {"within": CORRIDOR * told.reference.radius, "cells": CELLS}
+        own = dc.replace(run, seed=record["case"]["seed"])
+        flown = fly_draws(real, over, true, within=how["within"], run=own)
+        made = (told, without_spread(told), with_plain_spread(told))
+        for row, config in zip(ROWS, made, strict=True):
+            found = certify(config, over, flights=flights, limit=LIMIT, run=own, **how)
+            lines.append({"row": row, "seed": own.seed, **judged(found, flown)})
+    table = summary(pd.DataFrame(lines))
+    title = (
+        f"{flights} flights a certificate, 95 % sure; {true} of each vehicle as it truly is; "
+        f"seeds {run.seed} … {run.seed + vehicles - 1}"
+    )
+    return Report(
+        [tabulate(title, table, COLUMNS)],
+        config=settings | {"certificate": flights, "true": true},
+        metrics={"table": table, "runs": lines},
+        notes=failures(prepared),
+    )
+
+
+def summary(lines: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return a line for every way of drawing: shares of the vehicles whose certificate holds."""
+    table = []
+    for row, own in lines.groupby("row", sort=False):
+        line: dict[str, Any] = {"row": row, "vehicles": len(own)}
+        for key in ("covered", "part", "peak_close", "E_xy_close"):
+            line[key] = float(own[key].dropna().astype(float).mean())
+        line["peak_ratio"] = float((own["peak_said"] / own["peak_seen"]).median())
+        table.append(line | {"rate": float(own["failed"].sum() / own["flown"].sum())})
+    return table

@@ -1,0 +1,153 @@
+"""`np-drake certify`: where a vehicle may be flown, from draws of what is known of it."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+from diagrams.certify.certificate import Certificate
+from diagrams.certify.certificate import certify as certificate_of
+from diagrams.certify.draws import Range
+from diagrams.cli.fly import Experiment, Fields, Predictor, scenarios
+from diagrams.cli.verb import OUT_OF_CASES, Report, Run, Table, VehicleFile, reports, say
+from diagrams.loop.experiments import settings_of
+from diagrams.studies.options import Reality, tabulate
+
+
+@reports("certify", seed=0, out=OUT_OF_CASES, many=True)
+def certify(
+    run: Run,
+    experiment: Experiment,
+    over: Annotated[
+        list[str] | None,
+        Option(
+            metavar="NAME=LOW:HIGH",
+            help="Draw payload [kg], tether [m], speed or wind [m/s], or a field of the scenario, "
+            "from a range; repeatable. The first two make the map.",
+        ),
+    ] = None,
+    flights: Annotated[int, Option(min=20, max=1_000_000, help="Flights in all.")] = 1000,
+    within: Annotated[
+        float | None,
+        Option(min=1e-3, max=50.0, metavar="METRES", help="Corridor about the reference [m]."),
+    ] = None,
+    limit: Annotated[
+        float, Option(min=1e-5, max=0.5, help="Largest rate of failures to accept [1].")
+    ] = 0.01,
+    confidence: Annotated[float, Option(min=0.5, max=0.9999, help="Of the bound [1].")] = 0.95,
+    cells: Annotated[int, Option(min=2, max=8, help="Of the map along each range.")] = 6,
+    controller: Annotated[
+        str | None, Option(metavar="KIND", help="As of `fly`; default: the scenario's, or np.")
+    ] = None,
+    predictor: Predictor = None,
+    duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,
+    fields: Fields = None,
+    vehicle: VehicleFile = None,
+    reality: Reality = None,
+) -> Report:
+    """Bound how often a vehicle is lost, or leaves a corridor, over ranges of payload, speed, wind.
+
+    Flights are drawn from the ranges, the intervals of the vehicle file and the posterior of a
+    diagnosis (`--reality corrected.yaml`).
+    """
+    ranges = [Range.parse(text) for text in over or ()]
+    config = scenarios(
+        experiment,
+        [controller] if controller else [],
+        vehicle=vehicle,
+        reality=reality,
+        predictor=predictor,
+        duration=duration,
+        fields=fields or (),
+    )[0]
+    found = certificate_of(
+        config,
+        ranges,
+        flights=flights,
+        within=float("inf") if within is None else within,
+        limit=limit,
+        confidence=confidence,
+        cells=cells,
+        run=run,
+    )
+
+    def write(folder: Path) -> None:
+        written = found.write_failed(folder / "failed", run.seed)
+        if written:
+            say(f"failed flights: {folder / 'failed'}, {len(written)} scenario files")
+
+    asked = {"limit": limit, "confidence": confidence, "within": within, "cells": cells}
+    return Report(
+        tables(found),
+        config={"scenario": settings_of(config), "over": list(over or ()), **asked},
+        metrics={
+            "holds": found.holds,
+            "bounds": {
+                of: {"failures": b.failures, "flights": b.flights, "upper": b.upper}
+                for of in BOUNDED
+                for b in [found.bound(of)]
+            },
+            "part": found.part.tolist(),
+            "drivers": found.drivers(),
+            "flights": found.flights.to_dict("records"),
+        },
+        summary=[sentence(found)],
+        figures={"map.png": found.figure} if len(ranges) > 1 else {},
+        write=write,
+    )
+
+
+BOUNDED = {"failed": "fails", "lost": "is lost", "outside": "leaves the corridor"}
+
+
+def sentence(found: Certificate) -> str:
+    """Return the answer in a sentence or two."""
+    bound = found.bound()
+    who = f"{found.config.name} with {found.config.controller.name}"
+    if not bound.flights:
+        return f"{who}: nothing may be flown: flights fail in every part of the ranges."
+    sure = f"at most {100 * bound.upper:.2g} %, {100 * found.confidence:g} % sure"
+    if found.holds:
+        where = "in the part below" if found.over else "as drawn"
+        return (
+            f"{who} may be flown {where}: it fails in {bound.failures} of {bound.flights}, {sure}."
+        )
+    more = "A narrower range, a wider corridor or more --flights may do."
+    return (
+        f"{who} is not shown to fail in less than {100 * found.limit:g} %: it fails in "
+        f"{bound.failures} of {bound.flights}, {sure}. {more}"
+    )
+
+
+def tables(found: Certificate) -> list[Table]:
+    """Return bounds and errors, the part that may be flown, and what the deviation goes with."""
+    told = (("E_xy", 0.5), ("E_xy", 0.95), ("peak", 0.95))
+    median, most, peak = (100 * found.quantile(*of) for of in told)
+    bounds = [
+        (said, f"{b.failures} of {b.flights}", f"{100 * b.upper:.2g} %")
+        for of, said in BOUNDED.items()
+        for b in [found.bound(of)]
+    ]
+    title = (
+        f"in the part that may be flown: E_xy {median:.2g} cm, 95 % of flights below "
+        f"{most:.2g}; largest deviation of 95 % of flights {peak:.2g} cm"
+    )
+    result: list[Table] = [(title, ["the vehicle", "flights", "at most"], bounds)]
+    if found.over:
+        header = [one.name for one in found.over[:2]]
+        header += ["may be flown"] if len(header) == 1 else []
+        result.append(("what may be flown", header, found.allowed()))
+    drivers = found.drivers()
+    columns = (
+        ("quantity", "name"),
+        ("rank correlation", lambda line: f"{line['rho']:+.2f}"),
+        ("failed, low / middle / high third", lambda line: _thirds(line["thirds"])),
+        ("told by", "told_by"),
+    )
+    if drivers:
+        result.append(tabulate("what the largest deviation goes with", drivers, columns))
+    return result
+
+
+def _thirds(shares: list[float]) -> str:
+    return " / ".join(f"{100 * share:.2g} %" for share in shares)
