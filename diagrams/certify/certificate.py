@@ -29,7 +29,8 @@ from np_drake.diagnosis.gap import manoeuvre
 from np_drake.effects.library import in_scenarios
 from np_drake.files.figure_file import PALETTE, Figure, new_figure
 from np_drake.files.file_access import plain, write_text
-from np_drake.vehicle.sources import PART
+from np_drake.identification.quantities import QUANTITIES
+from np_drake.vehicle.sources import part
 
 FEWEST = 4  # flights a cell of the map
 ROUNDS = 4  # of exploring at the border
@@ -119,32 +120,28 @@ class Certificate:
                 continue
             third = pd.qcut(value.rank(method="first"), 3, labels=False)
             shares = self.flights.loc[known, "failed"].groupby(third).mean()
-            by = "" if name in ranges else self._teller(name)
+            by = "" if name in ranges else self._teller(str(name))
             lines.append({"name": name, "rho": rho, "thirds": shares.tolist(), "told_by": by})
         return sorted(lines, key=lambda line: -abs(line["rho"]))[:DRIVERS]
 
-    def _teller(self, name: str) -> str:
-        """Return the manoeuvre or the source of the vehicle file that tells a drawn quantity."""
+    @staticmethod
+    def _teller(name: str) -> str:
+        """Return the manoeuvre that tells a drawn quantity."""
         effect = name.partition(".")[0]
         if effect in in_scenarios():
             return manoeuvre((effect,))
-        field = PART.match(name)[1]  # type: ignore[index]
-        sources = self.config.vehicle.sources
-        return sources.get(name) or sources.get(field) or "a measurement of it"
+        ways = {part(q.field, *q.index): q.manoeuvre for q in QUANTITIES}
+        return ways.get(name) or "a measurement of it"
 
     def allowed(self) -> list[tuple[str, str]]:
         """Return, for every cell of the first range, what the second may be."""
         if not self.over:
             return []
         first, second = self.over[0], self.over[1] if len(self.over) > 1 else None
-        a, b = self.part.shape
-        found = []
+        (a, b), found = self.part.shape, []
         for i, row in enumerate(self.part):
-            cells = np.flatnonzero(row)
-            said = "no"
-            if len(cells) and second is None:
-                said = "yes"
-            elif len(cells) and second is not None:
+            cells, said = np.flatnonzero(row), "yes" if row.any() else "no"
+            if len(cells) and second is not None:
                 said = f"{second.at(cells[0] / b):.3g} to {second.at((cells[-1] + 1) / b):.3g}"
             found.append((f"{first.at(i / a):.3g} to {first.at((i + 1) / a):.3g}", said))
         return found
@@ -323,8 +320,8 @@ def certify(
         confidence: of the bound [1].
         cells: of the map along each range.
         run: seed, workers, folder and progress; None: one process, silent, seed 0.
-    Raises: ValueError: on a range that does not fit the scenario; FailedRun: where a flight ends in
-        an error.
+    Raises: ValueError: on a range that does not fit the scenario, or of which no draw can be flown;
+        FailedRun: where a flight ends in an error.
     """
     run, over = run or Run(), tuple(one.check() for one in over)
     names = [one.name for one in over]
@@ -359,6 +356,8 @@ def certify(
     every = np.argwhere(count == 0)
     first = explored // 2
     fly_in(rng.permutation(every)[np.arange(first) % len(every)], EXPLORING)
+    if lines and all(line["refused"] for line in lines):
+        raise ValueError(f"certify: no draw can be flown. {lines[0]['refused']}")
     for _ in range(ROUNDS if explored else 0):
         near = border(chosen_part(failed, count, rate))
         if len(near):

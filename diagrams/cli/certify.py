@@ -91,7 +91,11 @@ def certify(
             "drivers": found.drivers(),
             "flights": found.flights.to_dict("records"),
         },
-        summary=[sentence(found)],
+        notes=[
+            f"{len(reasons)} flights cannot be flown as drawn, the first: {reasons.iloc[0]}"
+            for reasons in [found.flights["refused"][found.flights["refused"] != ""]]
+            if len(reasons)
+        ],
         figures={"map.png": found.figure} if len(ranges) > 1 else {},
         write=write,
     )
@@ -107,31 +111,34 @@ def sentence(found: Certificate) -> str:
     if not bound.flights:
         return f"{who}: nothing may be flown: flights fail in every part of the ranges."
     sure = f"at most {100 * bound.upper:.2g} %, {100 * found.confidence:g} % sure"
+    told = f"it fails in {bound.failures} of {bound.flights}, {sure}."
     if found.holds:
-        where = "in the part below" if found.over else "as drawn"
-        return (
-            f"{who} may be flown {where}: it fails in {bound.failures} of {bound.flights}, {sure}."
-        )
-    more = "A narrower range, a wider corridor or more --flights may do."
+        return f"{who} may be flown {'in the part below' if found.over else 'as drawn'}: {told}"
     return (
-        f"{who} is not shown to fail in less than {100 * found.limit:g} %: it fails in "
-        f"{bound.failures} of {bound.flights}, {sure}. {more}"
+        f"{who} is not shown to fail in less than {100 * found.limit:g} %: {told} A narrower "
+        "range, a wider corridor or more --flights may do."
     )
 
 
 def tables(found: Certificate) -> list[Table]:
     """Return bounds and errors, the part that may be flown, and what the deviation goes with."""
-    told = (("E_xy", 0.5), ("E_xy", 0.95), ("peak", 0.95))
-    median, most, peak = (100 * found.quantile(*of) for of in told)
+    title, flights = sentence(found), found.flights
+    if len(found.confirming):
+        told = (("E_xy", 0.5), ("E_xy", 0.95), ("peak", 0.95))
+        median, most, peak = (100 * found.quantile(*of) for of in told)
+        title += (
+            f" E_xy there: {median:.2g} cm, 95 % of flights below {most:.2g} cm; largest deviation "
+            f"of 95 % of flights {peak:.2g} cm."
+        )
+        flights = found.confirming
     bounds = [
-        (said, f"{b.failures} of {b.flights}", f"{100 * b.upper:.2g} %")
+        (
+            said,
+            f"{int(flights[of].sum())} of {len(flights)}",
+            f"{100 * found.bound(of).upper:.2g} %",
+        )
         for of, said in BOUNDED.items()
-        for b in [found.bound(of)]
     ]
-    title = (
-        f"in the part that may be flown: E_xy {median:.2g} cm, 95 % of flights below "
-        f"{most:.2g}; largest deviation of 95 % of flights {peak:.2g} cm"
-    )
     result: list[Table] = [(title, ["the vehicle", "flights", "at most"], bounds)]
     if found.over:
         header = [one.name for one in found.over[:2]]

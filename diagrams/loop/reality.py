@@ -65,8 +65,11 @@ class RealityConfig:
         check_fields(self.noise, "MeasurementNoise")
         check_fields(self, "RealityConfig")
         require(
-            self.rotor_drag > 0 or not self.blows,
-            "RealityConfig: wind acts through rotor_drag, which must then be positive.",
+            self.rotor_drag > 0
+            or not self.blows
+            or any(entry.effect in library.GustyWind.needs for entry in self.effects),
+            "RealityConfig: wind acts through rotor_drag, which must then be positive, or through "
+            "a drag among the effects.",
         )
         for entry in self.effects:
             entry.check()

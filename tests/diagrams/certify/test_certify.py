@@ -18,7 +18,7 @@ from diagrams.cli.main import run as command_line
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_result import fly
-from np_drake.effects import MassError
+from np_drake.effects import LinearDrag, MassError
 from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.vehicle import Vehicle
 
@@ -125,6 +125,16 @@ def test_where_every_cell_fails_nothing_may_be_flown():
     assert "nothing may be flown" in sentence(found)
     assert [said for _, said in found.allowed()] == ["no", "no"]
     assert tables(found)
+
+
+def test_where_no_draw_can_be_flown_it_says_why():
+    config = load_experiment("circle")
+    config.reality.rotor_drag = 0.0
+    with pytest.raises(ValueError, match=r"no draw can be flown\. RealityConfig: wind acts through"):
+        certify(config, [Range("wind", 1.0, 2.0)], flights=8, cells=2, run=Run(workers=Here()))
+    config.reality.effects = [EffectEntry.of(LinearDrag())]
+    config.reality.wind = [1.0, 0.0, 0.0]
+    config.check()
 
 
 def test_failed_flights_are_scenario_files_that_fail_alike(tmp_path):
