@@ -325,6 +325,11 @@ def certify(
     """
     run, over = run or Run(), tuple(one.check() for one in over)
     names = [one.name for one in over]
+    require(
+        within > 0 and 0 < limit < 1 and 0 < confidence < 1,
+        f"certify: within [m] must be positive, limit and confidence between 0 and 1; got "
+        f"{within:g}, {limit:g}, {confidence:g}.",
+    )
     require(len({*names}) == len(names), f"--over: ranges must differ; got {', '.join(names)}.")
     for one in over:  # a field that there is not is no flight that failed
         with_value(config, one.name, one.low)
@@ -353,9 +358,8 @@ def certify(
             count[tuple(cell)] += 1
         lines.extend(found)
 
-    every = np.argwhere(count == 0)
     first = explored // 2
-    fly_in(rng.permutation(every)[np.arange(first) % len(every)], EXPLORING)
+    fly_in(rng.permutation(np.argwhere(count == 0))[np.arange(first) % count.size], EXPLORING)
     if lines and all(line["refused"] for line in lines):
         raise ValueError(f"certify: no draw can be flown. {lines[0]['refused']}")
     for _ in range(ROUNDS if explored else 0):

@@ -167,11 +167,15 @@ def test_the_command_answers_with_bounds_map_and_files(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     "over, why",
-    [("reference.sped=1:2", "unknown field"), ("payload=0.1:0.2", "must differ")],
-    ids=["unknown", "twice"],
+    [
+        ("reference.sped=1:2", "unknown field"),
+        ("payload=0.1:0.2", "must differ"),
+        ("speed=1:2 --within nan", "less than or equal to 50"),
+        ("speed=1:2 --flights 20", "--flights: must be at least 4 a cell of the map, 144; got 20"),
+    ],
 )
 def test_ranges_that_do_not_fit_are_one_line(over, why, capsys):
-    command = ["certify", "circle", "--over", "payload=0.1:0.3", "--over", over]
+    command = ["certify", "circle", "--over", "payload=0.1:0.3", "--over", *over.split()]
     assert command_line(command) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert why in line
