@@ -174,6 +174,7 @@ class ActuatorEffects(LeafSystem):
         - thrust
         - nominal_thrust
         - rotor_rate
+        - state
 
     | port | size | meaning | unit |
     |---|---|---|---|
@@ -181,6 +182,7 @@ class ActuatorEffects(LeafSystem):
     | thrust | 4 | actual rotor thrust | N |
     | nominal_thrust | 4 | what a nominal rotor would give at the actual rotor speed | N |
     | rotor_rate | 4 | time derivative of rotor speed; zero where nothing lags | rad/s² |
+    | state | sum of sizes | the continuous state | |
 
     Continuous state: the effects' states one after the other; it starts at rest under hover thrust.
     The state of the last effect that turns the rotors and has four states is rotor speed.
@@ -208,11 +210,14 @@ class ActuatorEffects(LeafSystem):
         self._stages = _stages(effects, spans)
         self._lagging = [stage for stage in self._stages if stage.effect.state_size]
         self._command_port = self.DeclareVectorInputPort("command", 4)
-        self.DeclareContinuousState(BasicVector(self._resting_state(hover_thrust)))
+        self._state_index = self.DeclareContinuousState(
+            BasicVector(self._resting_state(hover_thrust))
+        )
         prerequisites = {self._command_port.ticket(), self.all_state_ticket(), self.time_ticket()}
         self.DeclareVectorOutputPort("thrust", 4, self._calc_thrust, prerequisites)
         self.DeclareVectorOutputPort("nominal_thrust", 4, self._calc_nominal_thrust, prerequisites)
         self.DeclareVectorOutputPort("rotor_rate", 4, self._calc_rotor_rate, prerequisites)
+        self.DeclareStateOutputPort("state", self._state_index)
 
     def _resting_state(self, thrust: np.ndarray) -> np.ndarray:
         states, passed = [], np.asarray(thrust, float)

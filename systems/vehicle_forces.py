@@ -3,6 +3,7 @@
 import dataclasses as dc
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -17,13 +18,15 @@ from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag, drag_force
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable, cable_force
 from systems.plant_readings import vehicle_state
-from systems.rotors import RotorPorts, add_commanded_thrust, with_nominal_lag
+from systems.rotors import ActuatorEffects, RotorPorts, add_commanded_thrust, with_nominal_lag
 from systems.wrench_effects import PUSH, WRENCH, export_pushes
 
+LAGS = (MotorLag, UnevenLag)  # whose state is rotor speed
 STEADY_GAINS = (ThrustScale, WeakRotor)  # actuator effects whose gain of thrust never changes
 
 
@@ -39,7 +42,7 @@ class SteadyEffects:
     """
 
     chain: list[ActuatorEffect]
-    lag: MotorLag | None
+    lag: MotorLag | None  # or its subclass UnevenLag
     gains: np.ndarray
     drag: np.ndarray
     others: list[WrenchEffect]
@@ -63,7 +66,7 @@ class SteadyEffects:
         """
         chain, _ = with_nominal_lag(vehicle, actuator_effects, onsets)
         acting = [effect for effect in chain if type(effect) is not CommandDelay]
-        lag = next((effect for effect in acting[:1] if type(effect) is MotorLag), None)
+        lag: Any = next((effect for effect in acting[:1] if type(effect) in LAGS), None)
         scales = acting if lag is None else acting[1:]
         if onsets or not all(type(effect) in STEADY_GAINS for effect in scales):
             return None
@@ -74,8 +77,7 @@ class SteadyEffects:
         if all(type(e).air_velocity is WrenchEffect.air_velocity for e in others):
             others = [effect for effect in wrench_effects if type(effect) is not LinearDrag]
         drags = [[e.d_x, e.d_y, e.d_z] for e in wrench_effects if e not in others]  # type: ignore[attr-defined]
-        drag = np.sum(drags, axis=0) if drags else np.zeros(3)
-        return cls(chain, lag, gains, drag, others)
+        return cls(chain, lag, gains, np.sum([np.zeros(3), *drags], axis=0), others)
 
 
 class VehicleForces(LeafSystem):
@@ -126,7 +128,8 @@ class VehicleForces(LeafSystem):
         """
         super().__init__()
         self._vehicle, self._gains = vehicle, effects.gains
-        self._lag = effects.lag or MotorLag(1.0)  # without one, the target is the speed itself
+        # Without one, the target is the speed itself.
+        self._lag = effects.lag if type(effects.lag) is MotorLag else MotorLag(1.0)
         self._size = size
         hover = float(np.sqrt(vehicle.mass * vehicle.gravity / 4))
         rotors = (
@@ -256,8 +259,12 @@ def add_vehicle_forces(
         "vehicle_forces", VehicleForces(vehicle, effects, cable, plant.num_velocities())
     )
     speed, rate = forces.GetOutputPort("target"), None
-    if effects.lag is not None:
+    if type(effects.lag) is MotorLag:
         speed, rate = add_rotor_lag(builder, vehicle, effects.lag, speed, hover_thrust=hover_thrust)
+    elif effects.lag is not None:
+        rotors = ActuatorEffects(vehicle, [effects.lag], hover_thrust)
+        builder.Connect(command, builder.AddNamedSystem("actuators", rotors).get_input_port())
+        speed, rate = rotors.GetOutputPort("state"), rotors.GetOutputPort("rotor_rate")
     builder.Connect(command, forces.GetInputPort("command"))
     builder.Connect(speed, forces.GetInputPort("rotor_speed"))
     builder.Connect(plant.get_state_output_port(), forces.GetInputPort("plant_state"))

@@ -28,7 +28,6 @@ class WrenchEffects(LeafSystem):
         - rotor_rate (optional)
         output_ports:
         - generalized_force
-        - chi
 
     | port | size | meaning | unit |
     |---|---|---|---|
@@ -36,7 +35,6 @@ class WrenchEffects(LeafSystem):
     | rotor_thrust | 4 | actual rotor thrust | N |
     | rotor_rate | 4 | time derivative of rotor speed; zero where not connected | rad/s² |
     | generalized_force | nv | [moment about Bo, force] on B in W, zeros for other bodies | N·m, N |
-    | chi | 6 | [force in W, torque in B] | N, N·m |
     """
 
     def __init__(
@@ -68,7 +66,6 @@ class WrenchEffects(LeafSystem):
         self.DeclareVectorOutputPort(
             "generalized_force", num_velocities, self._calc_force, prerequisites
         )
-        self.DeclareVectorOutputPort("chi", 6, self._calc_chi, prerequisites)
 
     def _motion(self, context) -> Motion:
         given = (context.get_time(), self._x_port.Eval(context), self._thrust_port.Eval(context))
@@ -78,16 +75,9 @@ class WrenchEffects(LeafSystem):
 
     def _calc_force(self, context, output) -> None:
         motion = self._motion(context)
-        generalized_force(motion.x, self._total(motion), self._force)
+        effects = acting(self._effects, self._onsets, float(motion.t))
+        generalized_force(motion.x, total_wrench(self._vehicle, effects, motion), self._force)
         output.SetFromVector(self._force)
-
-    def _calc_chi(self, context, output) -> None:
-        output.SetFromVector(self._total(self._motion(context)))
-
-    def _total(self, motion: Motion) -> np.ndarray:
-        return total_wrench(
-            self._vehicle, acting(self._effects, self._onsets, float(motion.t)), motion
-        )
 
 
 class ExternalForces(LeafSystem):

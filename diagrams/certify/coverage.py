@@ -154,12 +154,15 @@ def run(
             found = certify(config, over, flights=flights, limit=LIMIT, run=own, **how)
             lines.append({"row": row, "seed": own.seed, **judged(found, flown)})
     table = summary(pd.DataFrame(lines))
-    title = (
-        f"{flights} flights a certificate, 95 % sure; {true} of each vehicle as it truly is; "
-        f"seeds {run.seed} … {run.seed + vehicles - 1}"
-    )
     return Report(
-        [tabulate(title, table, COLUMNS)],
+        [
+            tabulate(
+                f"{flights} flights a certificate, 95 % sure; {true} of each vehicle as it is; "
+                f"seeds {run.seed} … {run.seed + vehicles - 1}",
+                table,
+                COLUMNS,
+            )
+        ],
         config=settings | {"certificate": flights, "true": true},
         metrics={"table": table, "runs": lines},
         notes=failures(prepared),

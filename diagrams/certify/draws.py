@@ -175,12 +175,11 @@ def drawn_flight(
         for name, value in entry.made.values.items()
         if f"{entry.effect}.{name}" in reality.posterior.parameters
     }
-    disturbance = dc.replace(reality.disturbance, seed=int(rng.integers(2**31)))
     reality = dc.replace(
         reality,
         effects=effects,
         posterior=Posterior(),
-        disturbance=disturbance,
+        disturbance=dc.replace(reality.disturbance, seed=int(rng.integers(2**31))),
         gust_seed=int(rng.integers(2**31)),
         thrust_scale=reality.thrust_scale * found.get(THRUST, 1.0),
     )

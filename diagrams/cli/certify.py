@@ -76,10 +76,13 @@ def certify(
         if written:
             say(f"failed flights: {folder / 'failed'}, {len(written)} scenario files")
 
-    asked = {"limit": limit, "confidence": confidence, "within": within, "cells": cells}
     return Report(
         tables(found),
-        config={"scenario": settings_of(config), "over": list(over or ()), **asked},
+        config={
+            "scenario": settings_of(config),
+            "over": list(over or ()),
+            **{"limit": limit, "confidence": confidence, "within": within, "cells": cells},
+        },
         metrics={
             "holds": found.holds,
             "bounds": {

@@ -215,7 +215,11 @@ def make_real_vehicle(
         vehicle,
         reality.hung,
         wrench_effects=[*own.wrench, *reality.wrench_effects()],
-        actuator_effects=[*reality.actuator_effects(), *own.actuator],
+        # What scales thrust acts behind the speed of the rotors.
+        actuator_effects=sorted(
+            [*reality.actuator_effects(), *own.actuator],
+            key=lambda effect: not isinstance(effect, MotorLag),
+        ),
         mass_effects=[*own.mass, *reality.mass_effects()],
         command_period=command_period,
         onsets=reality.onsets,

@@ -101,8 +101,18 @@ def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuator
         np.testing.assert_allclose(found[0], found[1], rtol=1e-11, atol=1e-10)
 
 
-def test_rotors_without_lag_give_what_is_commanded():
-    vehicles = pair(PayloadConfig(), (), (DRAG,), (SCALE, ScaleOfItsOwn(SCALE.scale)))
+class UnevenLagOfItsOwn(UnevenLag):
+    """The same lags in a class that the compiled forces do not know."""
+
+
+@pytest.mark.parametrize(
+    "first",
+    [(SCALE, ScaleOfItsOwn(SCALE.scale)), (UnevenLag(0.03, 0.05), UnevenLagOfItsOwn(0.03, 0.05))],
+    ids=["none", "uneven"],
+)
+def test_rotors_with_another_lag_or_none_give_the_same(first):
+    wrenches = (DRAG, RotorGyroscopic(2e-4))
+    vehicles = pair(PayloadConfig(), (WeakRotor(2, 0.8),), wrenches, first)
     found = []
     for dut, context in vehicles:
         place(dut, context, 1)
@@ -116,10 +126,9 @@ def test_rotors_without_lag_give_what_is_commanded():
     [
         ([LAG, BatterySag(0.95)], [DRAG], {}),
         ([SCALE, LAG], [DRAG], {}),
-        ([UnevenLag(0.03, 0.05), SCALE], [DRAG], {}),
         ([LAG, SCALE], [DRAG], {DRAG: 2.0}),
     ],
-    ids=["sag", "scale first", "uneven lag", "onset"],
+    ids=["sag", "scale first", "onset"],
 )
 def test_what_is_not_steady_has_no_compiled_form(actuators, wrenches, onsets):
     assert SteadyEffects.of(VEHICLE, actuators, wrenches, onsets) is None
