@@ -77,7 +77,7 @@ class SteadyEffects:
         if all(type(e).air_velocity is WrenchEffect.air_velocity for e in others):
             others = [effect for effect in wrench_effects if type(effect) is not LinearDrag]
         drags = [[e.d_x, e.d_y, e.d_z] for e in wrench_effects if e not in others]  # type: ignore[attr-defined]
-        return cls(chain, lag, gains, np.sum([np.zeros(3), *drags], axis=0), others)
+        return cls(chain, lag, gains, np.sum([[0.0] * 3, *drags], axis=0), others)
 
 
 class VehicleForces(LeafSystem):
