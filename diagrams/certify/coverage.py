@@ -105,8 +105,8 @@ def judged(found: Certificate, true: pd.DataFrame) -> dict[str, Any]:
     cell = np.minimum((shares * found.part.shape).astype(int), np.array(found.part.shape) - 1)
     own = true[found.part[cell[:, 0], cell[:, 1]]]
     bound, flown, failed = found.bound(), len(own), int(own["failed"].sum())
-    line: dict[str, Any] = {"part": float(found.part.mean()), "flown": flown, "failed": failed}
-    line |= {"upper": bound.upper, "covered": failed <= bound.upper * flown}
+    line: dict[str, Any] = {"part": float(found.part.mean()), "some": bool(found.part.any())}
+    line |= {"flown": flown, "failed": failed, "covered": failed <= bound.upper * flown}
     for key in ("E_xy", "peak"):
         seen = float(own[key].astype(float).fillna(np.inf).quantile(0.95)) if flown else np.nan
         said = found.quantile(key, 0.95)
@@ -119,7 +119,8 @@ COLUMNS: tuple[Column, ...] = (
     ("drawn from", "row"),
     ("vehicles", "vehicles"),
     ("bound holds", percent("covered")),
-    ("part of the map", percent("part")),
+    ("some of the map", percent("some")),
+    ("part of it", percent("part")),
     ("peak within 20 %", percent("peak_close")),
     ("E_xy within 20 %", percent("E_xy_close")),
     ("peak, said / seen", fixed("peak_ratio", 2)),
@@ -174,7 +175,7 @@ def summary(lines: pd.DataFrame) -> list[dict[str, Any]]:
     table = []
     for row, own in lines.groupby("row", sort=False):
         line: dict[str, Any] = {"row": row, "vehicles": len(own)}
-        for key in ("covered", "part", "peak_close", "E_xy_close"):
+        for key in ("covered", "some", "part", "peak_close", "E_xy_close"):
             line[key] = float(own[key].dropna().astype(float).mean())
         line["peak_ratio"] = float((own["peak_said"] / own["peak_seen"]).median())
         table.append(line | {"rate": float(own["failed"].sum() / own["flown"].sum())})
