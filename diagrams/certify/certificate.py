@@ -33,6 +33,7 @@ from np_drake.identification.quantities import QUANTITIES
 from np_drake.vehicle.sources import part
 
 FEWEST = 4  # flights a cell of the map
+MOST_CELLS = 8  # along a range: every part of so many is tried
 ROUNDS = 4  # of exploring at the border
 DRIVERS = 8  # quantities that a table shows
 NOTED = 2.0  # rank correlation over that of chance, from which a quantity counts [1]; own choice
@@ -84,7 +85,7 @@ class Certificate:
 
     def bound(self, of: str = "failed") -> Bound:
         """Return the bound of `failed`, of `lost` (refused flights among them), or of `outside`,
-        flights that came down but left the corridor.
+        flights that left the corridor without a loss.
         """
         rows = self.confirming
         return Bound(int(rows[of].sum()), len(rows), self.confidence)
@@ -185,9 +186,8 @@ class Certificate:
         written = []
         for number, row in failed.sort_values("stage").head(MOST_KEPT).iterrows():
             flight, _ = drawn_flight(self.config, self.over, row["shares"], seed=(seed, number))
-            flight = dc.replace(flight, name=f"{flight.name}_{number}")
-            content = scenario_content(flight)
-            path = folder / f"{flight.name}.yaml"
+            content = scenario_content(dc.replace(flight, name=f"{flight.name}_{number}"))
+            path = folder / f"{content['name']}.yaml"
             head = f"# Flight {number} of a certificate: np-drake fly {path.name} --seed {number}\n"
             write_text(path, head + yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
             written.append(path)
@@ -326,9 +326,9 @@ def certify(
     run, over = run or Run(), tuple(one.check() for one in over)
     names = [one.name for one in over]
     require(
-        within > 0 and 0 < limit < 1 and 0 < confidence < 1,
-        f"certify: within [m] must be positive, limit and confidence between 0 and 1; got "
-        f"{within:g}, {limit:g}, {confidence:g}.",
+        within > 0 and 0 < limit < 1 and 0 < confidence < 1 and 1 <= cells <= MOST_CELLS,
+        f"certify: within [m] must be positive, limit and confidence between 0 and 1, cells 1 to "
+        f"{MOST_CELLS}; got {within:g}, {limit:g}, {confidence:g}, {cells}.",
     )
     require(len({*names}) == len(names), f"--over: ranges must differ; got {', '.join(names)}.")
     for one in over:  # a field that there is not is no flight that failed

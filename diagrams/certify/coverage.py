@@ -99,20 +99,21 @@ def with_plain_spread(config: FlightConfig) -> FlightConfig:
 
 def judged(found: Certificate, true: pd.DataFrame) -> dict[str, Any]:
     """Return whether a certificate holds for flights of the vehicle as it truly is, evenly drawn
-    over the map: failures in its part within the bound, largest deviation as predicted.
+    over the map: failures in its part within the bound, largest deviation as predicted; None where
+    nothing may be flown.
     """
     shares = np.array(true["shares"].tolist())
     cell = np.minimum((shares * found.part.shape).astype(int), np.array(found.part.shape) - 1)
     own = true[found.part[cell[:, 0], cell[:, 1]]]
     bound, flown, failed = found.bound(), len(own), int(own["failed"].sum())
     line: dict[str, Any] = {"part": float(found.part.mean()), "some": bool(found.part.any())}
-    line |= {"flown": flown, "failed": failed, "covered": failed <= bound.upper * flown}
+    line |= {"flown": flown, "failed": failed, "upper": bound.upper}
     for key in ("E_xy", "peak"):
         seen = float(own[key].astype(float).fillna(np.inf).quantile(0.95)) if flown else np.nan
         said = found.quantile(key, 0.95)
         line |= {f"{key}_said": said, f"{key}_seen": seen}
         line[f"{key}_close"] = bool(abs(said - seen) <= CLOSE * seen) if flown else None
-    return line
+    return line | {"covered": failed <= bound.upper * flown if flown else None}
 
 
 COLUMNS: tuple[Column, ...] = (
@@ -136,7 +137,7 @@ def run(
 ) -> Report:
     """Certificates of simulated vehicles, from their own logs. Beside naive draws; then flown."""
     cases = [{"seed": run.seed + number} for number in range(vehicles)]
-    settings = {"flights": FLIGHTS, "seconds": SECONDS}
+    settings = {"flights": FLIGHTS, "seconds": SECONDS, "input": "throttle"}
     prepared = run.cases("identified and diagnosed", "vehicles", known, cases, config=settings)
     results(prepared)
     lines = []

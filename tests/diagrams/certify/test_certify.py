@@ -191,6 +191,13 @@ def test_a_true_vehicle_is_judged_in_the_part_alone():
     assert line["peak_seen"] == pytest.approx(0.4 + 0.95 * 0.7)
 
 
+def test_where_nothing_may_be_flown_no_bound_holds():
+    found = made_of(lambda shares: 1.0, 3, flights=16, cells=2)
+    true = pd.DataFrame({"shares": [[0.2, 0.2]], "failed": [False], "peak": [0.1], "E_xy": [0.1]})
+    line = coverage.judged(found, true)
+    assert (line["flown"], line["covered"], line["some"]) == (0, None, False)
+
+
 def test_naive_vehicles_lack_what_the_logs_told():
     interval = {"mass": [[1.8, 2.2]]}
     vehicle = dc.replace(Vehicle(), intervals=interval).check()
