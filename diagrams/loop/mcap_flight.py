@@ -4,7 +4,6 @@ plotted.
 
 from collections.abc import Iterator, Sequence
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,6 @@ from np_drake import attitude
 from np_drake.files.file_access import atomic_path, plain
 from np_drake.logs.errors import optional_package
 
-# None without the extra `mcap`.
-fox: Any = None if find_spec("foxglove") is None else import_module("foxglove.messages")
 LEVEL = (1.0, 0.0, 0.0, 0.0)  # quaternion of no rotation
 WORLD, VEHICLE, PAYLOAD = "world", "quadrotor", "payload"  # frames
 PATH_RATE = 10.0  # of the points of the reference path [Hz]
@@ -37,6 +34,11 @@ def require_mcap(path: str | Path) -> None:
     optional_package("foxglove", path, "MCAP needs foxglove-sdk; pip install 'np_drake[mcap]'.")
 
 
+def _fox() -> Any:
+    """Return Foxglove's messages, whose native code is loaded where a file is written."""
+    return import_module("foxglove.messages")
+
+
 def write_flight_mcap(flight: FlightResult, path: str | Path) -> None:
     """Write a flight as an MCAP file (docs/guide/fly.md), whole or not at all; times count from its
     start, messages stand in the order of time, and NaN becomes null.
@@ -46,8 +48,10 @@ def write_flight_mcap(flight: FlightResult, path: str | Path) -> None:
     import foxglove
 
     context, channels = foxglove.Context(), dict[str, Any]()
-    how: dict[str, Any] = {"context": context, "allow_overwrite": True}
-    with atomic_path(path) as temporary, foxglove.open_mcap(temporary, **how):
+    with (
+        atomic_path(path) as temporary,
+        foxglove.open_mcap(temporary, context=context, allow_overwrite=True),
+    ):
         for topic, when, content in _messages(flight):
             numbers = isinstance(content, dict)
             if topic not in channels:
@@ -75,7 +79,7 @@ def _messages(flight: FlightResult) -> Iterator[tuple[str, int, Any]]:
     hooks = x[:, :3] + attitude.rotation_matrix(x[:, 3:7]) @ hook
     for k, when in enumerate(np.round(1e9 * s["t"]).astype(np.int64).tolist()):
         if k == 0:
-            yield "/scene", when, fox.SceneUpdate(entities=_bodies(flight, s["p_ref"][::every]))
+            yield "/scene", when, _fox().SceneUpdate(entities=_bodies(flight, s["p_ref"][::every]))
         frames = [_transform(VEHICLE, when, x[k, :3], x[k, 3:7])]
         if p_WP is not None:
             frames.append(_transform(PAYLOAD, when, p_WP[k], LEVEL))
@@ -83,11 +87,11 @@ def _messages(flight: FlightResult) -> Iterator[tuple[str, int, Any]]:
             yield (
                 "/tether",
                 when,
-                fox.SceneUpdate(entities=[_entity(WORLD, "tether", lines=[line])]),
+                _fox().SceneUpdate(entities=[_entity(WORLD, "tether", lines=[line])]),
             )
-        yield "/tf", when, fox.FrameTransforms(transforms=frames)
+        yield "/tf", when, _fox().FrameTransforms(transforms=frames)
         for topic, p, q in (("reference", s["p_ref"][k], LEVEL), (VEHICLE, x[k, :3], x[k, 3:7])):
-            pose = fox.PoseInFrame(timestamp=_time(when), frame_id=WORLD, pose=_pose(p, q))
+            pose = _fox().PoseInFrame(timestamp=_time(when), frame_id=WORLD, pose=_pose(p, q))
             yield f"/{topic}/pose", when, pose
         for topic, names, values in numbers:
             yield topic, when, dict(zip(names, values[k], strict=True))
@@ -120,9 +124,9 @@ def _bodies(flight: FlightResult, track: np.ndarray) -> list[Any]:
         2 * flight.config.vehicle.rotor_radius,
     )
     arm = float(np.mean(np.linalg.norm(vehicle.rotor_positions, axis=1)))
-    body = fox.CubePrimitive(**_solid(middle, (0.6 * arm, 0.6 * arm, 0.3 * arm), DARK))
+    body = _fox().CubePrimitive(**_solid(middle, (0.6 * arm, 0.6 * arm, 0.3 * arm), DARK))
     rotors = [
-        fox.CylinderPrimitive(
+        _fox().CylinderPrimitive(
             **_solid(p, (width, width, 0.01), BLUE if p[0] > 0 else GREY),
             bottom_scale=1.0,
             top_scale=1.0,
@@ -135,29 +139,29 @@ def _bodies(flight: FlightResult, track: np.ndarray) -> list[Any]:
     ]
     if flight.payload_position is not None:
         ball = _solid(middle, [2 * flight.config.reality.payload.radius] * 3, RED)
-        entities.append(_entity(PAYLOAD, PAYLOAD, spheres=[fox.SpherePrimitive(**ball)]))
+        entities.append(_entity(PAYLOAD, PAYLOAD, spheres=[_fox().SpherePrimitive(**ball)]))
     return entities
 
 
 def _time(nanoseconds: int) -> Any:
-    return fox.Timestamp(*divmod(nanoseconds, 10**9))
+    return _fox().Timestamp(*divmod(nanoseconds, 10**9))
 
 
 def _vector(kind: str, names: str, values: Sequence[float] | np.ndarray) -> Any:
     """Return a message of numbers by name: Vector3, Point3, Quaternion or Color."""
-    return getattr(fox, kind)(**dict(zip(names, map(float, values), strict=True)))
+    return getattr(_fox(), kind)(**dict(zip(names, map(float, values), strict=True)))
 
 
 def _pose(p: Sequence[float] | np.ndarray, q: Sequence[float] | np.ndarray = LEVEL) -> Any:
     """Return a pose of position p (3,) [m] and quaternion q (4,)."""
-    return fox.Pose(
+    return _fox().Pose(
         position=_vector("Vector3", "xyz", p), orientation=_vector("Quaternion", "wxyz", q)
     )
 
 
 def _transform(child: str, when: int, p: np.ndarray, q: Sequence[float] | np.ndarray) -> Any:
     """Return the transform of a frame in W: position p (3,) [m] and quaternion q (4,)."""
-    return fox.FrameTransform(
+    return _fox().FrameTransform(
         timestamp=_time(when),
         parent_frame_id=WORLD,
         child_frame_id=child,
@@ -168,7 +172,7 @@ def _transform(child: str, when: int, p: np.ndarray, q: Sequence[float] | np.nda
 
 def _entity(frame: str, name: str, **shapes: Any) -> Any:
     """Return a scene entity that moves with its frame."""
-    return fox.SceneEntity(frame_id=frame, id=name, frame_locked=True, **shapes)
+    return _fox().SceneEntity(frame_id=frame, id=name, frame_locked=True, **shapes)
 
 
 def _solid(
@@ -181,7 +185,7 @@ def _solid(
 
 def _line(points: np.ndarray, color: Sequence[float]) -> Any:
     """Return a line strip of 1 cm through points (n, 3) [m]."""
-    return fox.LinePrimitive(
+    return _fox().LinePrimitive(
         pose=_pose(np.zeros(3)),
         thickness=0.01,
         points=[_vector("Point3", "xyz", p) for p in points],
