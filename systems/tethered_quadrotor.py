@@ -14,7 +14,6 @@ from pydrake.systems.primitives import Adder
 from np_drake.checks import require
 from np_drake.effects.base import ActuatorEffect, MassEffect, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets, acting, mass_properties
-from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.yaml_file import check_numbers
 from np_drake.vehicle import Vehicle
@@ -137,9 +136,10 @@ def make_tethered_quadrotor(
         builder.Connect(plant.get_state_output_port(), external.get_input_port(0))
         export_pushes(builder, external)
         forces.append(external.get_output_port())
-    forces += _add_effects(
-        builder, vehicle, pushing, onsets, plant=plant, state=state, rotors=rotors
-    )
+    if pushing:
+        forces.append(
+            _add_effects(builder, vehicle, pushing, onsets, plant=plant, state=state, rotors=rotors)
+        )
     if cable is not None and cable is not within:
         forces.append(cable.GetOutputPort("generalized_force"))
     force = _sum_forces(builder, forces)
@@ -181,26 +181,18 @@ def make_tethered_quadrotor(
 def _add_effects(
     builder: DiagramBuilder, vehicle: Vehicle, wrench_effects, onsets, *, plant, state, rotors
 ):
-    """Add the wrench effects, if any, and return the ports of their generalized force."""
-    # Momentum is that of the turning rotors, whatever their blades give.
-    turning = [effect for effect in wrench_effects if isinstance(effect, RotorGyroscopic)]
-    pushing = [effect for effect in wrench_effects if effect not in turning]
-    forces = []
-    for name, some, thrust in (
-        ("wrench_effects", pushing, rotors.thrust),
-        ("angular_momentum", turning, rotors.nominal_thrust),
-    ):
-        if some:
-            size = plant.num_velocities()
-            effects = builder.AddNamedSystem(
-                name, WrenchEffects(vehicle, some, size, onsets=onsets)
-            )
-            builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
-            builder.Connect(thrust, effects.GetInputPort("rotor_thrust"))
-            if rotors.rate is not None and any(effect.feels_rotor_rate for effect in some):
-                builder.Connect(rotors.rate, effects.GetInputPort("rotor_rate"))
-            forces.append(effects.GetOutputPort("generalized_force"))
-    return forces
+    """Add the wrench effects, and return the port of their generalized force."""
+    effects = builder.AddNamedSystem(
+        "wrench_effects",
+        WrenchEffects(vehicle, wrench_effects, plant.num_velocities(), onsets=onsets),
+    )
+    builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
+    builder.Connect(rotors.thrust, effects.GetInputPort("rotor_thrust"))
+    if any(effect.feels_rotor_rate for effect in wrench_effects):
+        builder.Connect(rotors.nominal_thrust, effects.GetInputPort("nominal_thrust"))
+        if rotors.rate is not None:
+            builder.Connect(rotors.rate, effects.GetInputPort("rotor_rate"))
+    return effects.GetOutputPort("generalized_force")
 
 
 def _declare_events(

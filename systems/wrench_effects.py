@@ -26,6 +26,7 @@ class WrenchEffects(LeafSystem):
         - x
         - rotor_thrust
         - rotor_rate (optional)
+        - nominal_thrust (optional)
         output_ports:
         - generalized_force
 
@@ -34,6 +35,7 @@ class WrenchEffects(LeafSystem):
     | x | 13 | true state | |
     | rotor_thrust | 4 | actual rotor thrust | N |
     | rotor_rate | 4 | time derivative of rotor speed; zero where not connected | rad/s² |
+    | nominal_thrust | 4 | of nominal rotors at that speed; rotor_thrust where not connected | N |
     | generalized_force | nv | [moment about Bo, force] on B in W, zeros for other bodies | N·m, N |
     """
 
@@ -57,11 +59,12 @@ class WrenchEffects(LeafSystem):
         super().__init__()
         require_complete(effects)
         self._vehicle, self._effects, self._onsets = vehicle, list(effects), onsets
-        self._reads_rate = any(effect.feels_rotor_rate for effect in effects)
         self._force = np.zeros(num_velocities)  # workspace; its first six entries are written
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
-        self._rate_port = self.DeclareVectorInputPort("rotor_rate", 4)
+        self._optional = {
+            name: self.DeclareVectorInputPort(name, 4) for name in ("rotor_rate", "nominal_thrust")
+        }
         prerequisites = {self.all_input_ports_ticket(), self.time_ticket()}
         self.DeclareVectorOutputPort(
             "generalized_force", num_velocities, self._calc_force, prerequisites
@@ -69,9 +72,8 @@ class WrenchEffects(LeafSystem):
 
     def _motion(self, context) -> Motion:
         given = (context.get_time(), self._x_port.Eval(context), self._thrust_port.Eval(context))
-        if self._reads_rate and self._rate_port.HasValue(context):
-            return Motion(*given, rotor_rate=self._rate_port.Eval(context))
-        return Motion(*given)
+        ports = self._optional.items()
+        return Motion(*given, **{n: p.Eval(context) for n, p in ports if p.HasValue(context)})
 
     def _calc_force(self, context, output) -> None:
         motion = self._motion(context)

@@ -13,7 +13,6 @@ from np_drake.effects.base import (
     Effect,
     Motion,
     WrenchEffect,
-    air_velocity_B,
     chi_from_body,
     direction,
     log_uniform,
@@ -149,7 +148,7 @@ def odd_propeller(vehicle, motion, rotor, c):
     """
     over_hover = motion.rotor_thrust[..., rotor] / _hover_thrust(vehicle)
     turning = np.sqrt(np.maximum(over_hover, 0.0))  # speed of the rotor over that in hover
-    f_B = c * turning[..., None] * np.cross([0.0, 0.0, 1.0], air_velocity_B(motion))
+    f_B = c * turning[..., None] * np.cross([0.0, 0.0, 1.0], motion.air_B)
     return chi_from_body(motion, f_B, np.cross(vehicle.rotor_positions[rotor], f_B))
 
 

@@ -5,7 +5,6 @@ here; every other effect acts by its own function, as in Drake.
 Source: Folk, Paulos and Kumar 2023 (RotorPy), as a library.
 """
 
-import dataclasses as dc
 import math
 from collections.abc import Sequence
 
@@ -18,7 +17,6 @@ from np_drake.effects.base import Effect, Motion, WrenchEffect
 from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
@@ -172,7 +170,7 @@ class RotorPyWorld(Multirotor):
             for e in places.wrench
             if type(e).air_velocity is not WrenchEffect.air_velocity
         ]
-        self._pushes = [e for e in places.wrench if type(e).wrench is not WrenchEffect.wrench]
+        self._pushes = [e for e in places.wrench if e.pushes or e.turns]
         others = [
             e
             for e in places.actuator
@@ -273,13 +271,7 @@ class RotorPyWorld(Multirotor):
         if self._gains:  # speeds of sound propellers with that thrust
             worth = np.sqrt(np.maximum(now.rotor_thrust, 0.0) / self.k_eta)
         force, torque = super().compute_body_wrench(body_rates, worth, body_airspeed_vector)
-        # Momentum is that of the turning rotors, whatever their blades give.
-        turning = self._vehicle.thrust_coefficient * rotor_speeds * rotor_speeds
-        extra = np.zeros(6)
-        for effect in self._pushes:
-            gyroscopic = isinstance(effect, RotorGyroscopic)
-            felt = dc.replace(now, rotor_thrust=turning) if gyroscopic else now
-            extra += effect.wrench(self._vehicle, felt)
+        extra = sum((e.wrench(self._vehicle, now) for e in self._pushes), np.zeros(6))
         extra[:3] = extra[:3] @ now.R_WB
         extra[2:] += self._added
         extra[3:] -= cross(self._center, extra[:3])
@@ -291,4 +283,5 @@ class RotorPyWorld(Multirotor):
         for gain in self._gains:
             thrust = gain.thrust(self._vehicle, np.zeros(0), thrust, t)
         spin_up = (self._command - speed) / self.tau_m
-        return Motion(t, from_rotorpy(s, self._center), thrust, s[WIND], spin_up)
+        turning = self._vehicle.thrust_coefficient * speed * speed
+        return Motion(t, from_rotorpy(s, self._center), thrust, s[WIND], spin_up, turning)

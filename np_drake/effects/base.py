@@ -290,6 +290,7 @@ class Motion:
     rotor_thrust: (..., 4) [N].
     wind: (..., 3) velocity of the air in W [m/s]. rotor_rate: (..., 4) time derivative of rotor
         speed [rad/s²].
+    nominal_thrust: (..., 4) what nominal rotors would give at the speed; None: as rotor_thrust [N].
     """
 
     t: np.ndarray | float
@@ -297,11 +298,20 @@ class Motion:
     rotor_thrust: np.ndarray
     wind: np.ndarray = dc.field(default_factory=lambda: _STILL)
     rotor_rate: np.ndarray = dc.field(default_factory=lambda: _STEADY)
+    nominal_thrust: np.ndarray | None = None
 
     @cached_property
     def R_WB(self) -> np.ndarray:
         """Rotation matrix of the attitude, (..., 3, 3)."""
         return attitude.rotation_matrix(self.x[..., Q])
+
+    @cached_property
+    def air_B(self) -> np.ndarray:
+        """Velocity of Bo relative to the air, in B, (..., 3) [m/s]."""
+        air = self.x[..., V] - self.wind
+        if air.ndim == 1:
+            return np.dot(air, self.R_WB)
+        return (air[..., None, :] @ self.R_WB)[..., 0, :]
 
 
 class WrenchEffect(Effect):
@@ -322,7 +332,8 @@ class WrenchEffect(Effect):
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
-        for flag in ("pushes", "turns", "feels_rotor_rate") if "wrench" in vars(cls) else ():
+        own = {"wrench", "body_wrench"} & vars(cls).keys()
+        for flag in ("pushes", "turns", "feels_rotor_rate") if own else ():
             if flag not in vars(cls):
                 setattr(cls, flag, True)
 
@@ -333,6 +344,13 @@ class WrenchEffect(Effect):
         Args:
             vehicle: nominal vehicle.
             motion: on which the wrench depends, over any leading axes.
+        """
+        body = self.body_wrench(vehicle, motion)
+        return chi_from_body(motion, body[..., :3], body[..., 3:])
+
+    def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return force at Bo and torque in B, (..., 6) [N, N·m]; zeros, where a law in W is that of
+        `wrench`.
         """
         return np.zeros((*motion.x.shape[:-1], 6))
 
@@ -545,14 +563,6 @@ def correlation_root(effect: type[Effect]) -> np.ndarray:
 # nearly the same airframe and rotors (within some 30 %), the rotor axis another. Source: own
 # choice.
 ALIKE = ((1.0, 0.95, 0.5), (0.95, 1.0, 0.5), (0.5, 0.5, 1.0))
-
-
-def air_velocity_B(motion: Motion) -> np.ndarray:
-    """Return the velocity of Bo relative to the air, in B, (..., 3) [m/s]."""
-    air = motion.x[..., V] - motion.wind
-    if air.ndim == 1:
-        return np.dot(air, motion.R_WB)
-    return (air[..., None, :] @ motion.R_WB)[..., 0, :]
 
 
 def chi_from_body(motion: Motion, f_B: np.ndarray, tau_B: np.ndarray | None = None) -> np.ndarray:

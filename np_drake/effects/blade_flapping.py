@@ -4,15 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import (
-    Motion,
-    Parameter,
-    WrenchEffect,
-    air_velocity_B,
-    arm,
-    chi_from_body,
-    log_uniform,
-)
+from np_drake.effects.base import Motion, Parameter, WrenchEffect, arm, log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -50,10 +42,8 @@ class BladeFlapping(WrenchEffect):
         """Return random parameters of a simulated case."""
         return {"moment": float(log_uniform(rng, 3e-4, 2e-2) * vehicle.mass * 9.81 * arm(vehicle))}
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi of the moment, (..., 6) [N, N·m]."""
-        v_B = air_velocity_B(motion)
-        tau_B = self.moment * np.stack(
-            [v_B[..., 1], -v_B[..., 0], np.zeros_like(v_B[..., 0])], axis=-1
-        )
-        return chi_from_body(motion, np.zeros_like(v_B), tau_B)
+    def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return the moment in B, (..., 6) [N, N·m]; no force."""
+        out, v_B = super().body_wrench(vehicle, motion), motion.air_B
+        out[..., 3], out[..., 4] = self.moment * v_B[..., 1], -self.moment * v_B[..., 0]
+        return out

@@ -14,6 +14,7 @@ from np_drake.effects.base import (
     MeasurementEffect,
     Motion,
     WrenchEffect,
+    chi_from_body,
 )
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
@@ -98,10 +99,14 @@ def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Moti
     for effect in effects:
         if type(effect).air_velocity is not WrenchEffect.air_velocity:
             motion = dc.replace(motion, wind=motion.wind + effect.air_velocity(motion.t))
-    parts = [effect.wrench(vehicle, motion) for effect in effects]
-    if len(parts) == 1:
-        return parts[0]
-    return sum(parts, np.zeros((*motion.x.shape[:-1], 6)))
+    in_body = np.zeros((*motion.x.shape[:-1], 6))
+    in_world = np.zeros_like(in_body)
+    for effect in effects:  # those in body axes are turned together
+        if type(effect).wrench is WrenchEffect.wrench:
+            in_body += effect.body_wrench(vehicle, motion)
+        else:
+            in_world += effect.wrench(vehicle, motion)
+    return in_world + chi_from_body(motion, in_body[..., :3], in_body[..., 3:])
 
 
 def mass_properties(vehicle: Vehicle, effects: Iterable[MassEffect]) -> MassProperties:

@@ -5,10 +5,9 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from np_drake import attitude
+from np_drake.compiled import compiled
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.files.yaml_file import POSITIVE, check_fields, number
-from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
 LINES = 60  # sinusoids an axis, of equal power
@@ -68,14 +67,31 @@ class Disturbance(WrenchEffect):
         size = np.array(self.deviation) * np.sqrt(2.0 / LINES)
         return frequency / np.array(self.time)[:, None], phase, size
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi = [f in W, tau in B] (..., 6) [N, N·m]."""
-        rate, phase, size = self._waves
-        angle = np.asarray(motion.t, float)[..., None, None] * rate + phase
-        body = size * np.cos(angle).sum(axis=-1)
-        chi = np.broadcast_to(body, (*motion.x.shape[:-1], 6)).copy()
-        chi[..., :3] = attitude.rotate(motion.x[..., Q], chi[..., :3])
-        return chi
+    def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return force and torque in B, (..., 6) [N, N·m]."""
+        return super().body_wrench(vehicle, motion) + along(motion.t, *self._waves)
+
+
+def along(
+    t: np.ndarray | float, rate: np.ndarray, phase: np.ndarray, size: np.ndarray
+) -> np.ndarray:
+    """Return the sums of sinusoids at times t (...,), (..., axes).
+
+    Args:
+        rate: (axes, LINES) angular [rad/s]; phase is as large [rad].
+        size: (axes,) amplitude of each.
+    """
+    times = np.asarray(t, float)
+    return _sums(times.ravel(), rate, phase, size).reshape(*times.shape, len(size))
+
+
+@compiled
+def _sums(t, rate, phase, size):
+    """Return `along` at times (n,), (n, axes)."""
+    out = np.empty((len(t), len(size)))
+    for i in range(len(t)):
+        out[i] = size * np.cos(t[i] * rate + phase).sum(axis=1)
+    return out
 
 
 @lru_cache(maxsize=64)

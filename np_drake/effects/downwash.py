@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.effects.base import Motion, Parameter, WrenchEffect, arm, chi_from_body
+from np_drake.effects.base import Motion, Parameter, WrenchEffect, arm
 from np_drake.effects.rotor_inflow import AIR_DENSITY, RotorInflow
 from np_drake.flight_log import Neighbour
 from np_drake.rigid_body import P
@@ -62,20 +62,19 @@ class Downwash(WrenchEffect):
             "" if self.neighbours else "the path of a neighbour; Downwash.beside adds it in Python"
         )
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi of the push, (..., 6) [N, N·m]."""
+    def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return the push in B, (..., 6) [N, N·m]."""
         arms = np.array(vehicle.rotor_positions)
         p_WR = motion.x[..., None, P] + arms @ np.swapaxes(motion.R_WB, -1, -2)
         w = self.velocity(vehicle, motion.t, p_WR)
-        f_B = np.zeros((*w.shape[:-1], 3))
+        out = super().body_wrench(vehicle, motion)
         loss = self.strength * thrust_loss(vehicle, np.maximum(motion.rotor_thrust, 0.0), w)
-        f_B[..., 2] = -np.sum(loss, axis=-1)
-        tau_B = np.zeros_like(f_B)
-        tau_B[..., 0], tau_B[..., 1] = -loss @ arms[:, 1], loss @ arms[:, 0]
-        chi = chi_from_body(motion, f_B, tau_B)
-        at_centre = self.velocity(vehicle, motion.t, motion.x[..., None, P])[..., 0]
-        chi[..., 2] -= self.strength * 0.5 * AIR_DENSITY * arm(vehicle) ** 2 * at_centre**2
-        return chi
+        out[..., 2] = -np.sum(loss, axis=-1)
+        out[..., 3], out[..., 4] = -loss @ arms[:, 1], loss @ arms[:, 0]
+        at_centre = self.velocity(vehicle, motion.t, motion.x[..., None, P])
+        push = self.strength * 0.5 * AIR_DENSITY * arm(vehicle) ** 2 * at_centre**2
+        out[..., :3] -= push * motion.R_WB[..., 2, :]  # downwards
+        return out
 
     def velocity(self, vehicle: Vehicle, t: np.ndarray | float, p_WP: np.ndarray) -> np.ndarray:
         """Return the velocity of all jets downwards (..., m) [m/s]; 0 where no neighbour is known.

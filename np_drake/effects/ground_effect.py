@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import Motion, Parameter, WrenchEffect, chi_from_body, log_uniform
+from np_drake.effects.base import Motion, Parameter, WrenchEffect, log_uniform
 from np_drake.vehicle import Vehicle
 
 _LARGEST_RADIUS = 6.0  # of rotor radii: a disc twice as wide as the whole vehicle
@@ -48,11 +48,11 @@ class GroundEffect(WrenchEffect):
         """Return whether a vehicle of this size can have the radius."""
         return self.effective_radius <= _LARGEST_RADIUS * vehicle.rotor_radius
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi of the additional thrust and torque, (..., 6) [N, N·m]."""
+    def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return the additional thrust and torque in B, (..., 6) [N, N·m]."""
         height = np.maximum(motion.x[..., 2], 1e-6)
         share = np.minimum((self.effective_radius / (4.0 * height)) ** 2, _LARGEST_SHARE)
         u = ((share / (1.0 - share))[..., None] * motion.rotor_thrust) @ vehicle.mixer.T
-        f_B = np.zeros((*u.shape[:-1], 3))
-        f_B[..., 2] = u[..., 0]
-        return chi_from_body(motion, f_B, u[..., 1:])
+        out = super().body_wrench(vehicle, motion)
+        out[..., 2:] = u
+        return out

@@ -159,5 +159,5 @@ def _acts_through_others(effect: type[Effect]) -> bool:
         return bool(effect.needs)
     return (
         effect.air_velocity is not WrenchEffect.air_velocity
-        and effect.wrench is WrenchEffect.wrench
+        and not (effect.pushes or effect.turns)
     )

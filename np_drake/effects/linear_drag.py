@@ -6,15 +6,7 @@ import math
 import numpy as np
 
 from np_drake.compiled import compiled, turned
-from np_drake.effects.base import (
-    ALIKE,
-    Motion,
-    Parameter,
-    WrenchEffect,
-    air_velocity_B,
-    chi_from_body,
-    drag_coefficients,
-)
+from np_drake.effects.base import ALIKE, Motion, Parameter, WrenchEffect, drag_coefficients
 from np_drake.vehicle import Vehicle
 
 
@@ -46,23 +38,19 @@ class LinearDrag(WrenchEffect):
             zip(("d_x", "d_y", "d_z"), drag_coefficients(rng, vehicle, 0.01, 0.3), strict=True)
         )
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi of the drag, (..., 6) [N, N·m]; it acts at the centre of mass."""
+    def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return the drag in B, (..., 6) [N, N·m]; it acts at the centre of mass."""
+        out = super().body_wrench(vehicle, motion)
         hover = math.sqrt(vehicle.mass * vehicle.gravity / 4)
-        if motion.x.ndim == 1:  # one instant of the simulator
-            chi = np.zeros(6)
-            drag_force(
-                motion.x, motion.rotor_thrust, motion.wind, self.d_x, self.d_y, self.d_z, hover, chi
-            )
-            return chi
         speed = np.sqrt(np.maximum(motion.rotor_thrust, 0.0)).sum(axis=-1) / (4 * hover)
         drag = -np.array((self.d_x, self.d_y, self.d_z))
-        return chi_from_body(motion, drag * air_velocity_B(motion) * speed[..., None])
+        out[..., :3] = drag * motion.air_B * speed[..., None]
+        return out
 
 
 @compiled
 def drag_force(x, rotor_thrust, wind, d_x, d_y, d_z, hover, chi):
-    """Write the force of `LinearDrag.wrench` at one instant to chi[:3] [N].
+    """Write the force of `LinearDrag` at one instant to chi[:3], in W [N].
 
     Args:
         x: (13,) state.

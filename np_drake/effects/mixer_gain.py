@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import Motion, Parameter, WrenchEffect, chi_from_body
+from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.vehicle import Vehicle
 
 
@@ -36,8 +36,9 @@ class MixerGain(WrenchEffect):
         for name in ("roll", "pitch", "yaw")
     )
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi of the torque, (..., 6) [N, N·m]; no force."""
+    def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return the torque in B, (..., 6) [N, N·m]; no force."""
         tau_m = (motion.rotor_thrust @ vehicle.mixer.T)[..., 1:]
-        tau_B = (np.array([self.roll, self.pitch, self.yaw]) - 1.0) * tau_m
-        return chi_from_body(motion, np.zeros_like(tau_B), tau_B)
+        out = super().body_wrench(vehicle, motion)
+        out[..., 3:] = (np.array([self.roll, self.pitch, self.yaw]) - 1.0) * tau_m
+        return out

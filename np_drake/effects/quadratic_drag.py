@@ -4,15 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import (
-    ALIKE,
-    Motion,
-    Parameter,
-    WrenchEffect,
-    air_velocity_B,
-    chi_from_body,
-    drag_coefficients,
-)
+from np_drake.effects.base import ALIKE, Motion, Parameter, WrenchEffect, drag_coefficients
 from np_drake.vehicle import Vehicle
 
 
@@ -44,9 +36,8 @@ class QuadraticDrag(WrenchEffect):
             zip(("c_x", "c_y", "c_z"), drag_coefficients(rng, vehicle, 0.003, 0.08), strict=True)
         )
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi of the drag, (..., 6) [N, N·m]."""
-        v_B = air_velocity_B(motion)
-        return chi_from_body(
-            motion, np.array([-self.c_x, -self.c_y, -self.c_z]) * np.abs(v_B) * v_B
-        )
+    def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return the drag in B, (..., 6) [N, N·m]."""
+        out, v_B = super().body_wrench(vehicle, motion), motion.air_B
+        out[..., :3] = np.array([-self.c_x, -self.c_y, -self.c_z]) * np.abs(v_B) * v_B
+        return out

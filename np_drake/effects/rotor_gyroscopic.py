@@ -35,12 +35,13 @@ class RotorGyroscopic(WrenchEffect):
         """Return random parameters of a simulated case."""
         return {"rotor_inertia": float(vehicle.J[2, 2] * log_uniform(rng, 2e-4, 2e-2))}
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi of the torque, (..., 6) [N, N·m]; no force."""
+    def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return the torque in B, (..., 6) [N, N·m]; no force."""
+        out, w = super().body_wrench(vehicle, motion), motion.x[..., W]
+        # Momentum is that of the turning rotors, whatever their blades give.
+        turning = motion.rotor_thrust if motion.nominal_thrust is None else motion.nominal_thrust
         spin = -self.rotor_inertia * np.array(vehicle.rotor_directions)
-        h = np.sqrt(np.maximum(motion.rotor_thrust, 0.0) / vehicle.thrust_coefficient) @ spin
-        w = motion.x[..., W]
-        chi = np.zeros((*motion.x.shape[:-1], 6))
-        chi[..., 3], chi[..., 4] = -w[..., 1] * h, w[..., 0] * h  # -w x (h z)
-        chi[..., 5] = -(motion.rotor_rate @ spin)
-        return chi
+        h = np.sqrt(np.maximum(turning, 0.0) / vehicle.thrust_coefficient) @ spin
+        out[..., 3], out[..., 4] = -w[..., 1] * h, w[..., 0] * h  # -w x (h z)
+        out[..., 5] = -(motion.rotor_rate @ spin)
+        return out

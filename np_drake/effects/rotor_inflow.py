@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import Motion, Parameter, WrenchEffect, air_velocity_B, chi_from_body
+from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.vehicle import Vehicle
 
 AIR_DENSITY = 1.2  # at 20 °C near sea level [kg/m³]
@@ -38,19 +38,18 @@ class RotorInflow(WrenchEffect):
     turns = False
     parameters = (Parameter("slope", "1", 0.0, 0.0, 3.0, 0.6),)
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi of the change of thrust, (..., 6) [N, N·m]."""
+    def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return the change of thrust in B, (..., 6) [N, N·m]; no torque."""
+        out, v_B = super().body_wrench(vehicle, motion), motion.air_B
         area = np.pi * vehicle.rotor_radius**2
         f = np.maximum(motion.rotor_thrust, 0.0)
         speed = np.sqrt(f / vehicle.thrust_coefficient)
         at_rest = _velocity_at_rest(vehicle, f)
-        v_B = air_velocity_B(motion)
         axial, lateral = v_B[..., 2:], np.linalg.norm(v_B[..., :2], axis=-1, keepdims=True)
         k = self.slope * AIR_DENSITY * area * vehicle.rotor_radius / 4
         df = k * speed * (at_rest - induced_velocity(at_rest, lateral, axial) - axial)
-        f_B = np.zeros_like(v_B)
-        f_B[..., 2] = np.sum(df, axis=-1)
-        return chi_from_body(motion, f_B)
+        out[..., 2] = np.sum(df, axis=-1)
+        return out
 
 
 def _velocity_at_rest(vehicle: Vehicle, thrust: np.ndarray | float) -> np.ndarray:

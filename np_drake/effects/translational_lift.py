@@ -4,14 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import (
-    Motion,
-    Parameter,
-    WrenchEffect,
-    air_velocity_B,
-    chi_from_body,
-    log_uniform,
-)
+from np_drake.effects.base import Motion, Parameter, WrenchEffect, log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -49,9 +42,8 @@ class TranslationalLift(WrenchEffect):
         """Return random parameters of a simulated case."""
         return {"lift": float(log_uniform(rng, 3e-4, 2e-2) * vehicle.mass * 9.81)}
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi of the thrust, (..., 6) [N, N·m]."""
-        v_B = air_velocity_B(motion)
-        f_B = np.zeros_like(v_B)
-        f_B[..., 2] = self.lift * np.sum(v_B[..., :2] ** 2, axis=-1)
-        return chi_from_body(motion, f_B)
+    def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return the thrust in B, (..., 6) [N, N·m]; no torque."""
+        out, v_B = super().body_wrench(vehicle, motion), motion.air_B
+        out[..., 2] = self.lift * np.sum(v_B[..., :2] ** 2, axis=-1)
+        return out

@@ -74,7 +74,7 @@ def test_weak_blades_leave_the_rotors_their_momentum(seed):
     spin = RotorGyroscopic(2e-4)
     now = fly(seed, actuator_effects=[ThrustScale(0.5)], wrench_effects=[spin])
     np.testing.assert_allclose(now.motion.rotor_thrust, 0.5 * now.command, atol=1e-12)
-    turning = spin.wrench(VEHICLE, dc.replace(now.motion, rotor_thrust=now.command))[3:]
+    turning = spin.wrench(VEHICLE, dc.replace(now.motion, nominal_thrust=now.command))[3:]
     assert np.abs(turning).max() > 1e-4
     missing = VEHICLE.mixer @ (now.motion.rotor_thrust - now.command)
     np.testing.assert_allclose(now.chi[3:] - missing[1:], turning, atol=1e-9)

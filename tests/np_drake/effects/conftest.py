@@ -21,6 +21,7 @@ def random_motion(seed: int, n: int) -> Motion:
         rotor_thrust=rng.uniform(0.5, 11.0, (n, 4)),
         wind=rng.normal(scale=2.0, size=(n, 3)),
         rotor_rate=rng.normal(scale=500.0, size=(n, 4)),
+        nominal_thrust=rng.uniform(0.5, 11.0, (n, 4)),
     )
 
 
