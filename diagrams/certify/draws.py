@@ -15,6 +15,7 @@ from diagrams.loop.flight import FlightConfig
 from np_drake.effects.effect_entry import Posterior
 from np_drake.files.yaml_file import filled
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.published import published_priors
 from np_drake.vehicle.sources import PART, part, value_of, values
 
 WORDS = {
@@ -156,7 +157,8 @@ def drawn_flight(
     """Return a flight drawn from what is known of a vehicle, and the values that were drawn.
 
     The controller assumes the vehicle file; the vehicle that flies is drawn within its intervals,
-    the causes from their posterior, with disturbance and gusts of their own.
+    the causes from their posterior, with disturbance and gusts of their own. Rotors whose lag a
+    measured file does not state have that of a published vehicle.
 
     Args:
         config: scenario.
@@ -167,7 +169,8 @@ def drawn_flight(
     """
     rng = np.random.default_rng(seed)
     reality, assumed = config.reality, config.controller.vehicle or config.vehicle
-    vehicle, found = drawn_vehicle(config.vehicle, spread_of(config.vehicle), rng)
+    spread, lag = spread_of(config.vehicle), published_priors().time_constant
+    vehicle, found = drawn_vehicle(config.vehicle, spread, rng)
     effects = reality.posterior.draw(reality.effects, rng)
     found |= {
         f"{entry.effect}.{name}": value
@@ -175,8 +178,12 @@ def drawn_flight(
         for name, value in entry.made.values.items()
         if f"{entry.effect}.{name}" in reality.posterior.parameters
     }
+    lags = any((*reality.lags, vehicle.rotor_time_constant))
+    if spread and not lags and config.autopilot.kind != "rate_loop":
+        found["motor_lag"] = float(rng.lognormal(lag.mean, lag.deviation))
     reality = dc.replace(
         reality,
+        motor_lag=found.get("motor_lag", reality.motor_lag),
         effects=effects,
         posterior=Posterior(),
         disturbance=dc.replace(reality.disturbance, seed=int(rng.integers(2**31))),

@@ -157,7 +157,6 @@ def _acts_through_others(effect: type[Effect]) -> bool:
     """
     if effect.needs or not issubclass(effect, WrenchEffect):
         return bool(effect.needs)
-    return (
-        effect.air_velocity is not WrenchEffect.air_velocity
-        and not (effect.pushes or effect.turns)
+    return effect.air_velocity is not WrenchEffect.air_velocity and not (
+        effect.pushes or effect.turns
     )

@@ -11,6 +11,7 @@ from np_drake.effects import MassError, ThrustScale
 from np_drake.effects.disturbance import DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.published import published_priors
 
 KNOWN = {
     "mass": [[1.8, 2.2]],
@@ -70,6 +71,15 @@ def test_the_controller_assumes_the_file_and_another_vehicle_flies():
     assert flight.vehicle.mass == values["mass"] != VEHICLE.mass
     whole = config.reality.thrust_scale * values["thrust_scale"]
     assert flight.reality.thrust_scale == pytest.approx(whole)
+
+
+def test_rotors_of_a_measured_vehicle_whose_file_states_no_lag_lag_as_published_ones():
+    config, prior = dc.replace(load_experiment("circle"), vehicle=VEHICLE), published_priors()
+    assert drawn_flight(config, (), (), seed=(0,))[0].reality.motor_lag == config.reality.motor_lag
+    config = dc.replace(config, reality=dc.replace(config.reality, motor_lag=0.0))
+    logs = np.log([drawn_flight(config, (), (), seed=(k,))[1]["motor_lag"] for k in range(300)])
+    assert logs.mean() == pytest.approx(prior.time_constant.mean, abs=0.1)
+    assert logs.std() == pytest.approx(prior.time_constant.deviation, rel=0.1)
 
 
 def test_causes_have_the_posteriors_mean_and_covariance():
