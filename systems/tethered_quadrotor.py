@@ -188,10 +188,9 @@ def _add_effects(
     )
     builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
     builder.Connect(rotors.thrust, effects.GetInputPort("rotor_thrust"))
-    if any(effect.feels_rotor_rate for effect in wrench_effects):
-        builder.Connect(rotors.nominal_thrust, effects.GetInputPort("nominal_thrust"))
-        if rotors.rate is not None:
-            builder.Connect(rotors.rate, effects.GetInputPort("rotor_rate"))
+    builder.Connect(rotors.nominal_thrust, effects.GetInputPort("nominal_thrust"))
+    if rotors.rate is not None:
+        builder.Connect(rotors.rate, effects.GetInputPort("rotor_rate"))
     return effects.GetOutputPort("generalized_force")
 
 

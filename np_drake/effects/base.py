@@ -319,21 +319,19 @@ class WrenchEffect(Effect):
     the model feel.
 
     pushes, turns: whether it has a force, a torque; the fit sets those to zero for an effect that
-    declares none. feels_rotor_rate: whether it depends on the rotors' acceleration; the simulator
-    passes none to one that does not. They are true of a class with its own `wrench` unless it says
-    otherwise, and false of a wind, which has none.
+    declares none. They are true of a class with its own wrench unless it says otherwise, and false
+    of a wind, which has none.
     """
 
     place = "wrench"
     widens: ClassVar[bool] = True
     pushes: ClassVar[bool] = False
     turns: ClassVar[bool] = False
-    feels_rotor_rate: ClassVar[bool] = False
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
         own = {"wrench", "body_wrench"} & vars(cls).keys()
-        for flag in ("pushes", "turns", "feels_rotor_rate") if own else ():
+        for flag in ("pushes", "turns") if own else ():
             if flag not in vars(cls):
                 setattr(cls, flag, True)
 

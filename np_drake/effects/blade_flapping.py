@@ -20,7 +20,6 @@ class BladeFlapping(WrenchEffect):
     requires = ("velocity",)
     constant = True
     excited_by = "level sprints with sudden reversals"
-    feels_rotor_rate = False
     pushes = False
     parameters = (
         Parameter(

@@ -50,7 +50,6 @@ class Disturbance(WrenchEffect):
     seed: int = 0
 
     role = ""
-    feels_rotor_rate = False
     parameters = ()
 
     @staticmethod

@@ -47,7 +47,6 @@ class Downwash(WrenchEffect):
     shares = True
     bench_check = "fly the same path without the neighbour"
     excited_by = "hover one to ten rotor diameters below the neighbour, and pass through its axis"
-    feels_rotor_rate = False
     begins = False
     widens = False
     parameters = (Parameter("strength", "1", 0.0, 0.0, 3.0, 1.0),)

@@ -27,7 +27,6 @@ class GroundEffect(WrenchEffect):
 
     requires = ("height",)
     excited_by = "a descent to below two rotor radii"
-    feels_rotor_rate = False
     linear = False
     widens = False
     parameters = (Parameter("effective_radius", "m", 0.0, 0.0, 2.0, 0.2),)

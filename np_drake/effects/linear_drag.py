@@ -24,7 +24,6 @@ class LinearDrag(WrenchEffect):
 
     requires = ("velocity",)
     excited_by = "sprints at several speeds in both horizontal directions and vertically"
-    feels_rotor_rate = False
     turns = False
     prior_correlation = ALIKE
     parameters = tuple(

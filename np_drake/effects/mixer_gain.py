@@ -27,7 +27,6 @@ class MixerGain(WrenchEffect):
     named = "a gain of the mixer"
     shares = True
     begins = False
-    feels_rotor_rate = False
     pushes = False
     parameters = tuple(
         Parameter(

@@ -22,7 +22,6 @@ class QuadraticDrag(WrenchEffect):
     requires = ("velocity",)
     excited_by = "sprints at 1, 3 and 6 m/s: the square shows at speed"
     told_from = {"linear_drag": "sprints at 1, 3 and 6 m/s: the square shows at speed"}
-    feels_rotor_rate = False
     turns = False
     prior_correlation = ALIKE
     parameters = tuple(

@@ -34,7 +34,6 @@ class RotorInflow(WrenchEffect):
     excited_by = "fast climbs and descents with level attitude, then sprints at constant height"
     requires = ("velocity",)
     begins = False
-    feels_rotor_rate = False
     turns = False
     parameters = (Parameter("slope", "1", 0.0, 0.0, 3.0, 0.6),)
 

@@ -20,7 +20,6 @@ class TranslationalLift(WrenchEffect):
 
     requires = ("velocity",)
     excited_by = "sprints at constant height, then hover"
-    feels_rotor_rate = False
     turns = False
     parameters = (
         Parameter(
