@@ -14,7 +14,9 @@ from diagrams.certify.certificate import Certificate, certify, fly_draws, scenar
 from diagrams.certify.draws import Range
 from diagrams.gap.corrected import corrected_simulator
 from diagrams.identification.simulated import draw_and_fly
+from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, default_flight
+from diagrams.loop.flight_result import fly
 from diagrams.studies.options import Column, fixed, percent, tabulate
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.disturbance import DisturbanceConfig
@@ -22,6 +24,9 @@ from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.files.yaml_file import filled
 from np_drake.identification.identified_vehicle import identified_vehicle
 from np_drake.identification.identify import identify
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import usual_rate_loop
+from np_drake.vehicle.sources import SURE
 
 FLIGHTS, SECONDS = 3, 30.0  # that are logged, and their length [s]
 PAYLOAD = (0.02, 0.3)  # over the mass of the vehicle [1]
@@ -31,6 +36,8 @@ SCORED = 4.0  # of a flight of the paper's vehicle, after its ramp [s]
 CLOSE = 0.2  # of a prediction [1]
 WIDE = 0.2  # half of a naive interval over its value [1]
 LIMIT, CELLS = 0.05, 4  # of a certificate
+LOGGED = 20.0  # of a flight under firmware, after its ramp [s]
+TRACKS = ("multisine", "training_circle", "circle")  # of those flights
 ROWS = ("certificate", "mean vehicle", "vehicle file ± 20 %")
 
 
@@ -69,6 +76,50 @@ def known(case: Case) -> dict[str, Any]:
     )
     contents = {"told": scenario_content(told), "true": scenario_content(true)}
     return {**contents, "verdict": list(answer.verdict)}
+
+
+def known_by_firmware(case: Case) -> dict[str, Any]:
+    """Return, of the paper's vehicle under Betaflight in a case {"seed"}, the scenario with the
+    rate loop that its logs describe, and the one with its firmware.
+    """
+    base = Vehicle()
+    base = dc.replace(base, rate_loop=usual_rate_loop(base))
+
+    def scenario(track: str, kind: str, vehicle: Vehicle, duration: float) -> FlightConfig:
+        config = load_experiment(track, vehicle)
+        controller = dc.replace(config.controller, kind="hold")
+        return dc.replace(config, duration=duration, controller=controller).with_autopilot(kind)
+
+    logs = [
+        fly(scenario(track, "betaflight", base, LOGGED), seed=len(TRACKS) * case["seed"] + k).log()
+        for k, track in enumerate(TRACKS)
+    ]
+    logs = [dc.replace(log, name=track) for log, track in zip(logs, TRACKS, strict=True)]
+    found = identified_vehicle(identify(logs, base, mass=base.mass), "identified")
+    true = scenario("circle", "betaflight", base, SCORED)
+    true.controller.vehicle = found
+    told = scenario("circle", "rate_loop", found, SCORED)
+    return {"told": scenario_content(told), "true": scenario_content(true)}
+
+
+def in_band(told: pd.DataFrame, seen: pd.DataFrame) -> float:
+    """Return the share of flights whose error E_xy is in the 95 % band that told flights give for
+    their place [1]; NaN without any.
+
+    The logarithm of the error is quadratic in the place; lost flights are in no band.
+    """
+
+    def terms(flights: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+        place = np.array(flights["shares"].tolist())
+        columns = (np.ones(len(place)), place, place**2, place.prod(axis=1))
+        return np.column_stack(columns), np.log(flights["E_xy"].astype(float).to_numpy())
+
+    if not len(seen):
+        return np.nan
+    (A, a), (B, b) = terms(told[told["E_xy"].notna()]), terms(seen)
+    fit = np.linalg.lstsq(A, a, rcond=None)[0]
+    spread = SURE * (a - A @ fit).std(ddof=A.shape[1])
+    return float((np.abs(b - B @ fit) <= spread).mean())
 
 
 def without_spread(config: FlightConfig) -> FlightConfig:
@@ -113,6 +164,7 @@ def judged(found: Certificate, true: pd.DataFrame) -> dict[str, Any]:
         said = found.quantile(key, 0.95)
         line |= {f"{key}_said": said, f"{key}_seen": seen}
         line[f"{key}_close"] = bool(abs(said - seen) <= CLOSE * seen) if flown else None
+    line["band"] = in_band(found.flights, own)
     return line | {"covered": failed <= bound.upper * flown if flown else None}
 
 
@@ -124,6 +176,7 @@ COLUMNS: tuple[Column, ...] = (
     ("part of it", percent("part")),
     ("peak within 20 %", percent("peak_close")),
     ("E_xy within 20 %", percent("E_xy_close")),
+    ("E_xy in 95 % band", percent("band")),
     ("peak, said / seen", fixed("peak_ratio", 2)),
     ("failed as flown", percent("rate", 1)),
 )
@@ -134,11 +187,17 @@ def run(
     vehicles: Annotated[int, Option(min=1, max=10_000, help="Simulated vehicles.")] = 20,
     flights: Annotated[int, Option(min=20, max=100_000, help="Flights of a certificate.")] = 120,
     true: Annotated[int, Option(min=20, max=100_000, help="Flights as it truly is.")] = 150,
+    firmware: Annotated[bool, Option(help="Of the paper's vehicle under Betaflight.")] = False,
 ) -> Report:
     """Certificates of simulated vehicles, from their own logs. Beside naive draws; then flown."""
     cases = [{"seed": run.seed + number} for number in range(vehicles)]
-    settings = {"flights": FLIGHTS, "seconds": SECONDS, "input": "throttle"}
-    prepared = run.cases("identified and diagnosed", "vehicles", known, cases, config=settings)
+    settings = {
+        "flights": FLIGHTS,
+        "seconds": SECONDS,
+        "input": "firmware" if firmware else "throttle",
+    }
+    work = known_by_firmware if firmware else known
+    prepared = run.cases("identified and diagnosed", "vehicles", work, cases, config=settings)
     results(prepared)
     lines = []
     for record in (record for record in prepared if "result" in record):
@@ -156,15 +215,9 @@ def run(
             found = certify(config, over, flights=flights, limit=LIMIT, run=own, **how)
             lines.append({"row": row, "seed": own.seed, **judged(found, flown)})
     table = summary(pd.DataFrame(lines))
+    title = f"{flights} flights a certificate, 95 % sure; {true} of each vehicle as it is; seeds "
     return Report(
-        [
-            tabulate(
-                f"{flights} flights a certificate, 95 % sure; {true} of each vehicle as it is; "
-                f"seeds {run.seed} … {run.seed + vehicles - 1}",
-                table,
-                COLUMNS,
-            )
-        ],
+        [tabulate(f"{title}{run.seed} … {run.seed + vehicles - 1}", table, COLUMNS)],
         config=settings | {"certificate": flights, "true": true},
         metrics={"table": table, "runs": lines},
         notes=failures(prepared),
@@ -176,7 +229,7 @@ def summary(lines: pd.DataFrame) -> list[dict[str, Any]]:
     table = []
     for row, own in lines.groupby("row", sort=False):
         line: dict[str, Any] = {"row": row, "vehicles": len(own)}
-        for key in ("covered", "some", "part", "peak_close", "E_xy_close"):
+        for key in ("covered", "some", "part", "peak_close", "E_xy_close", "band"):
             line[key] = float(own[key].dropna().astype(float).mean())
         line["peak_ratio"] = float((own["peak_said"] / own["peak_seen"]).median())
         table.append(line | {"rate": float(own["failed"].sum() / own["flown"].sum())})
