@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import Adder, Gain, Integrator
+from pydrake.systems.primitives import Demultiplexer, LinearSystem
 
 from np_drake import attitude
 from np_drake.compiled import compiled, turned
 from np_drake.effects.base import ActuatorEffect, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets
 from np_drake.effects.command_delay import CommandDelay
-from np_drake.effects.linear_drag import LinearDrag, drag_force
+from np_drake.effects.linear_drag import LinearDrag, add_drag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.uneven_lag import UnevenLag
@@ -109,13 +109,13 @@ class VehicleForces(LeafSystem):
     | rotor_speed | 4 | actual | rad/s |
     | holds | 1 | 1 while the cable holds, else 0; with a cable only | |
     | external_wrench, payload_force | 6, 3 | as of `ExternalForces` | N, N·m |
-    | target | 4 | speed at which a rotor gives the commanded thrust, over the time constant of the lag, or 1 s without one | rad/s² |
+    | target | 4 | speed at which a rotor gives the commanded thrust | rad/s |
     | generalized_force | nv | [moment about Bo, force] on B, then on a payload, in W | N·m, N |
     | thrust | 4 | actual rotor thrust | N |
     | nominal_thrust | 4 | what a nominal rotor would give at the actual rotor speed | N |
 
     No state.
-    """  # noqa: E501
+    """
 
     def __init__(self, vehicle: Vehicle, effects: SteadyEffects, cable: Cable | None, size: int):
         """Declare ports.
@@ -128,8 +128,6 @@ class VehicleForces(LeafSystem):
         """
         super().__init__()
         self._vehicle, self._gains = vehicle, effects.gains
-        # Without one, the target is the speed itself.
-        self._lag = effects.lag if type(effects.lag) is MotorLag else MotorLag(1.0)
         self._size = size
         hover = float(np.sqrt(vehicle.mass * vehicle.gravity / 4))
         rotors = (
@@ -156,8 +154,8 @@ class VehicleForces(LeafSystem):
         self.DeclareVectorOutputPort("nominal_thrust", 4, self._calc_nominal_thrust, speed)
 
     def _calc_target(self, context, output) -> None:
-        speed = self._lag.state_at(self._vehicle, self._command_port.Eval(context))
-        output.SetFromVector(speed / self._lag.time_constant)
+        command = self._command_port.Eval(context)
+        output.SetFromVector(MotorLag().state_at(self._vehicle, command))
 
     def _calc_force(self, context, output) -> None:
         holds = 0.0 if self._holds_port is None else self._holds_port.Eval(context)[0]
@@ -178,7 +176,7 @@ class VehicleForces(LeafSystem):
         output.SetFromVector(self._nominal_thrust(context))
 
     def _nominal_thrust(self, context) -> np.ndarray:
-        return self._lag.thrust(self._vehicle, self._speed_port.Eval(context), np.zeros(4))
+        return MotorLag().thrust(self._vehicle, self._speed_port.Eval(context), np.zeros(4))
 
 
 @compiled
@@ -194,21 +192,19 @@ def _total(s, speed, holds, k, gains, mixer, drag, hover, hook, pieces, out):
         gains: (4,) of the thrust [1].
         mixer: (4, 4) from thrusts to [f_u, tau_m].
         drag: (3,) coefficients [N·s/m].
-        hover: as of `drag_force`.
+        hover: as of `add_drag`.
         hook: as of `cable_force`, like the pieces.
         pieces: (1, 3).
         out: to be written [N·m, N].
     """
-    thrust, x, chi = np.empty(4), np.empty(13), np.zeros(6)
+    thrust, x = np.empty(4), np.empty(13)
     for i in range(4):
         thrust[i] = gains[i] * (k * speed[i] * speed[i])
     vehicle_state(s, 0, 7 * (len(s) // 13), x)
-    drag_force(x, thrust, np.zeros(3), drag[0], drag[1], drag[2], hover, chi)
     if holds:
         cable_force(s, np.empty((0, 6)), holds, hook, pieces, out, np.empty((0, 3)))
+    add_drag(x, thrust, drag[0], drag[1], drag[2], hover, out[3:])
     _add_rotors(x, thrust, mixer, out)
-    for i in range(3):
-        out[3 + i] += chi[i]
 
 
 @compiled
@@ -275,31 +271,34 @@ def add_vehicle_forces(
     return ports, forces.GetOutputPort("generalized_force")
 
 
-class RotorSpeed(Integrator):
-    """Integral of the rotors' acceleration.
+class RotorSpeed(LinearSystem):
+    """Rotors that follow a commanded speed.
 
     .. pydrake_system::
 
         name: RotorSpeed
         input_ports:
-        - u
+        - u0
         output_ports:
-        - y
+        - y0
 
     | port | size | meaning | unit |
     |---|---|---|---|
-    | u | 4 | acceleration | rad/s² |
-    | y | 4 | rotor speed | rad/s |
+    | u0 | 4 | commanded speed | rad/s |
+    | y0 | 8 | [rotor speed, its rate] | rad/s, rad/s² |
 
     Continuous state: rotor speed; it starts at rest under hover thrust.
 
     Args:
         vehicle: nominal.
+        time_constant: of the lag [s].
         hover_thrust: (4,) [N].
     """
 
-    def __init__(self, vehicle: Vehicle, hover_thrust: np.ndarray):
-        super().__init__(MotorLag().state_at(vehicle, hover_thrust))
+    def __init__(self, vehicle: Vehicle, time_constant: float, hover_thrust: np.ndarray):
+        one, rate = np.eye(4), np.eye(4) / time_constant
+        super().__init__(A=-rate, B=rate, C=np.vstack([one, -rate]), D=np.vstack([0 * one, rate]))
+        self.configure_default_state(MotorLag().state_at(vehicle, hover_thrust))
         self._vehicle = vehicle
 
     def rest_at(self, context: Context, thrust: np.ndarray) -> None:
@@ -327,14 +326,11 @@ def add_rotor_lag(
         builder: of the diagram.
         vehicle: nominal.
         lag: gives the time constant T.
-        target: port of the commanded speed over T (4,) [rad/s²].
+        target: port of the commanded speed (4,) [rad/s].
         hover_thrust: (4,) at which the rotors start [N].
     """
-    rotors = builder.AddNamedSystem("actuators", RotorSpeed(vehicle, hover_thrust))
-    decay = builder.AddNamedSystem("rotor_decay", Gain(-1.0 / lag.time_constant, 4))
-    rate = builder.AddNamedSystem("rotor_rate", Adder(2, 4))
-    builder.Connect(rotors.get_output_port(), decay.get_input_port())
-    builder.Connect(target, rate.get_input_port(0))
-    builder.Connect(decay.get_output_port(), rate.get_input_port(1))
-    builder.Connect(rate.get_output_port(), rotors.get_input_port())
-    return rotors.get_output_port(), rate.get_output_port()
+    rotors = RotorSpeed(vehicle, lag.time_constant, hover_thrust)
+    speed_and_rate = builder.AddSystem(Demultiplexer([4, 4]))
+    builder.Connect(target, builder.AddNamedSystem("actuators", rotors).get_input_port())
+    builder.Connect(rotors.get_output_port(), speed_and_rate.get_input_port())
+    return speed_and_rate.get_output_port(0), speed_and_rate.get_output_port(1)

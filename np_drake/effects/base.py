@@ -308,10 +308,7 @@ class Motion:
     @cached_property
     def air_B(self) -> np.ndarray:
         """Velocity of Bo relative to the air, in B, (..., 3) [m/s]."""
-        air = self.x[..., V] - self.wind
-        if air.ndim == 1:
-            return np.dot(air, self.R_WB)
-        return (air[..., None, :] @ self.R_WB)[..., 0, :]
+        return ((self.x[..., V] - self.wind)[..., None, :] @ self.R_WB)[..., 0, :]
 
 
 class WrenchEffect(Effect):
@@ -571,10 +568,7 @@ def chi_from_body(motion: Motion, f_B: np.ndarray, tau_B: np.ndarray | None = No
         tau_B: (..., 3) torque in B [N·m]; None: none.
     """
     chi = np.zeros((*f_B.shape[:-1], 6))
-    if f_B.ndim == 1:
-        chi[:3] = np.dot(motion.R_WB, f_B)
-    else:
-        chi[..., :3] = (motion.R_WB @ f_B[..., None])[..., 0]
+    chi[..., :3] = (motion.R_WB @ f_B[..., None])[..., 0]
     if tau_B is not None:
         chi[..., 3:] = tau_B
     return chi

@@ -48,21 +48,21 @@ class LinearDrag(WrenchEffect):
 
 
 @compiled
-def drag_force(x, rotor_thrust, wind, d_x, d_y, d_z, hover, chi):
-    """Write the force of `LinearDrag` at one instant to chi[:3], in W [N].
+def add_drag(x, rotor_thrust, d_x, d_y, d_z, hover, out):
+    """Add the force of `LinearDrag` in still air at one instant to out[:3], in W [N].
 
     Args:
         x: (13,) state.
         rotor_thrust: (4,) [N].
-        wind: (3,) velocity of the air in W [m/s].
         d_x: coefficient along body x [N·s/m].
         hover: root of a rotor's thrust in hover [N^0.5].
-        chi: (6,) to be written.
+        out: at least three.
     """
     roots = 0.0
     for i in range(4):
         roots += math.sqrt(max(rotor_thrust[i], 0.0))
     speed = roots / (4 * hover)
-    a, b, c = turned(x[3], -x[4], -x[5], -x[6], x[7] - wind[0], x[8] - wind[1], x[9] - wind[2])
-    f_x, f_y, f_z = -d_x * a * speed, -d_y * b * speed, -d_z * c * speed
-    chi[0], chi[1], chi[2] = turned(x[3], x[4], x[5], x[6], f_x, f_y, f_z)
+    a, b, c = turned(x[3], -x[4], -x[5], -x[6], x[7], x[8], x[9])
+    a, b, c = -d_x * a * speed, -d_y * b * speed, -d_z * c * speed
+    a, b, c = turned(x[3], x[4], x[5], x[6], a, b, c)
+    out[0], out[1], out[2] = out[0] + a, out[1] + b, out[2] + c
