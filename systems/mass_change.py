@@ -12,7 +12,6 @@ from pydrake.systems.framework import Context, LeafSystem
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
 from systems.plant import declare_event_at, setting
-from systems.wrench_effects import generalized_force
 
 # Time [s], and what sets the mass properties in a context
 Change = tuple[float, Callable[[MultibodyPlant, Context], None]]
@@ -97,12 +96,10 @@ class MassChange(LeafSystem):
 
     def _rotor_force(self, context: Context, state: np.ndarray) -> np.ndarray:
         """Return the propellers' generalized force (nv,)."""
-        x, force = np.zeros(13), np.zeros(self._plant.num_velocities())
-        if not self._thrust_port.HasValue(context):
-            return force
-        total, *moments = self._vehicle.mixer @ self._thrust_port.Eval(context)
-        x[3:7] = state[0:4] / np.linalg.norm(
-            state[0:4]
-        )  # the integrator lets it drift off the unit sphere
-        generalized_force(x, np.concatenate([total * attitude.body_z(x[3:7]), moments]), force)
+        force = np.zeros(self._plant.num_velocities())
+        if self._thrust_port.HasValue(context):
+            u = self._vehicle.mixer @ self._thrust_port.Eval(context)
+            # The integrator lets the quaternion drift off the unit sphere.
+            R_WB = attitude.rotation_matrix(state[:4] / np.linalg.norm(state[:4]))
+            force[:3], force[3:6] = R_WB @ u[1:], R_WB[:, 2] * u[0]
         return force

@@ -137,9 +137,14 @@ def make_tethered_quadrotor(
         export_pushes(builder, external)
         forces.append(external.get_output_port())
     if pushing:
-        forces.append(
-            _add_effects(builder, vehicle, pushing, onsets, plant=plant, state=state, rotors=rotors)
-        )
+        wrenches = WrenchEffects(vehicle, pushing, plant.num_velocities(), onsets=onsets)
+        effects = builder.AddNamedSystem("wrench_effects", wrenches)
+        builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
+        builder.Connect(rotors.thrust, effects.GetInputPort("rotor_thrust"))
+        builder.Connect(rotors.nominal_thrust, effects.GetInputPort("nominal_thrust"))
+        if rotors.rate is not None:
+            builder.Connect(rotors.rate, effects.GetInputPort("rotor_rate"))
+        forces.append(effects.get_output_port())
     if cable is not None and cable is not within:
         forces.append(cable.GetOutputPort("generalized_force"))
     force = _sum_forces(builder, forces)
@@ -176,22 +181,6 @@ def make_tethered_quadrotor(
     diagram = builder.Build()
     diagram.set_name("tethered_quadrotor")
     return diagram
-
-
-def _add_effects(
-    builder: DiagramBuilder, vehicle: Vehicle, wrench_effects, onsets, *, plant, state, rotors
-):
-    """Add the wrench effects, and return the port of their generalized force."""
-    effects = builder.AddNamedSystem(
-        "wrench_effects",
-        WrenchEffects(vehicle, wrench_effects, plant.num_velocities(), onsets=onsets),
-    )
-    builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
-    builder.Connect(rotors.thrust, effects.GetInputPort("rotor_thrust"))
-    builder.Connect(rotors.nominal_thrust, effects.GetInputPort("nominal_thrust"))
-    if rotors.rate is not None:
-        builder.Connect(rotors.rate, effects.GetInputPort("rotor_rate"))
-    return effects.GetOutputPort("generalized_force")
 
 
 def _declare_events(

@@ -256,11 +256,15 @@ def add_vehicle_forces(
     )
     speed, rate = forces.GetOutputPort("target"), None
     if type(effects.lag) is MotorLag:
-        speed, rate = add_rotor_lag(builder, vehicle, effects.lag, speed, hover_thrust=hover_thrust)
+        rotors = RotorSpeed(vehicle, effects.lag.time_constant, hover_thrust)
+        split = builder.AddSystem(Demultiplexer([4, 4]))
+        builder.Connect(speed, builder.AddNamedSystem("actuators", rotors).get_input_port())
+        builder.Connect(rotors.get_output_port(), split.get_input_port())
+        speed, rate = split.get_output_port(0), split.get_output_port(1)
     elif effects.lag is not None:
-        rotors = ActuatorEffects(vehicle, [effects.lag], hover_thrust)
-        builder.Connect(command, builder.AddNamedSystem("actuators", rotors).get_input_port())
-        speed, rate = rotors.GetOutputPort("state"), rotors.GetOutputPort("rotor_rate")
+        lagging = ActuatorEffects(vehicle, [effects.lag], hover_thrust)
+        builder.Connect(command, builder.AddNamedSystem("actuators", lagging).get_input_port())
+        speed, rate = lagging.GetOutputPort("state"), lagging.GetOutputPort("rotor_rate")
     builder.Connect(command, forces.GetInputPort("command"))
     builder.Connect(speed, forces.GetInputPort("rotor_speed"))
     builder.Connect(plant.get_state_output_port(), forces.GetInputPort("plant_state"))
@@ -309,28 +313,3 @@ class RotorSpeed(LinearSystem):
             thrust: (4,) command [N].
         """
         context.SetContinuousState(MotorLag().state_at(self._vehicle, thrust))
-
-
-def add_rotor_lag(
-    builder: DiagramBuilder,
-    vehicle: Vehicle,
-    lag: MotorLag,
-    target: OutputPort,
-    *,
-    hover_thrust: np.ndarray,
-) -> tuple[OutputPort, OutputPort]:
-    """Add rotors that follow their commanded speed, T d omega/dt = omega_command - omega, and
-    return their speed and its rate.
-
-    Args:
-        builder: of the diagram.
-        vehicle: nominal.
-        lag: gives the time constant T.
-        target: port of the commanded speed (4,) [rad/s].
-        hover_thrust: (4,) at which the rotors start [N].
-    """
-    rotors = RotorSpeed(vehicle, lag.time_constant, hover_thrust)
-    speed_and_rate = builder.AddSystem(Demultiplexer([4, 4]))
-    builder.Connect(target, builder.AddNamedSystem("actuators", rotors).get_input_port())
-    builder.Connect(rotors.get_output_port(), speed_and_rate.get_input_port())
-    return speed_and_rate.get_output_port(0), speed_and_rate.get_output_port(1)

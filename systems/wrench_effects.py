@@ -8,7 +8,6 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from np_drake.compiled import compiled, turned
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets, acting, require_complete, total_wrench
 from np_drake.vehicle import Vehicle
@@ -59,7 +58,7 @@ class WrenchEffects(LeafSystem):
         super().__init__()
         require_complete(effects)
         self._vehicle, self._effects, self._onsets = vehicle, list(effects), onsets
-        self._force = np.zeros(num_velocities)  # workspace; its first six entries are written
+        self._size = num_velocities
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
         self._optional = {
@@ -78,8 +77,9 @@ class WrenchEffects(LeafSystem):
     def _calc_force(self, context, output) -> None:
         motion = self._motion(context)
         effects = acting(self._effects, self._onsets, float(motion.t))
-        generalized_force(motion.x, total_wrench(self._vehicle, effects, motion), self._force)
-        output.SetFromVector(self._force)
+        chi, force = total_wrench(self._vehicle, effects, motion), np.zeros(self._size)
+        force[:3], force[3:6] = motion.R_WB @ chi[3:], chi[:3]
+        output.SetFromVector(force)
 
 
 class ExternalForces(LeafSystem):
@@ -143,16 +143,3 @@ def export_pushes(builder: DiagramBuilder, system: LeafSystem) -> None:
         port = system.get_input_port(i)
         if port.get_name() in (WRENCH, PUSH):
             builder.ExportInput(port, port.get_name())
-
-
-@compiled
-def generalized_force(x, chi, out):
-    """Write [moment in W, force in W] of a wrench to out[:6].
-
-    Args:
-        x: (13,) state, whose attitude counts.
-        chi: (6,) [N, N·m].
-        out: at least six.
-    """
-    out[0], out[1], out[2] = turned(x[3], x[4], x[5], x[6], chi[3], chi[4], chi[5])
-    out[3], out[4], out[5] = chi[0], chi[1], chi[2]

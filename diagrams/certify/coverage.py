@@ -159,11 +159,10 @@ def judged(found: Certificate, true: pd.DataFrame) -> dict[str, Any]:
     bound, flown, failed = found.bound(), len(own), int(own["failed"].sum())
     line: dict[str, Any] = {"part": float(found.part.mean()), "some": bool(found.part.any())}
     line |= {"flown": flown, "failed": failed, "upper": bound.upper}
-    for key in ("E_xy", "peak"):
-        seen = float(own[key].astype(float).fillna(np.inf).quantile(0.95)) if flown else np.nan
-        said = found.quantile(key, 0.95)
-        line |= {f"{key}_said": said, f"{key}_seen": seen}
-        line[f"{key}_close"] = bool(abs(said - seen) <= CLOSE * seen) if flown else None
+    seen = float(own["peak"].astype(float).fillna(np.inf).quantile(0.95)) if flown else np.nan
+    said = found.quantile("peak", 0.95)
+    line |= {"peak_said": said, "peak_seen": seen}
+    line["peak_close"] = bool(abs(said - seen) <= CLOSE * seen) if flown else None
     line["band"] = in_band(found.flights, own)
     return line | {"covered": failed <= bound.upper * flown if flown else None}
 
@@ -175,7 +174,6 @@ COLUMNS: tuple[Column, ...] = (
     ("some of the map", percent("some")),
     ("part of it", percent("part")),
     ("peak within 20 %", percent("peak_close")),
-    ("E_xy within 20 %", percent("E_xy_close")),
     ("E_xy in 95 % band", percent("band")),
     ("peak, said / seen", fixed("peak_ratio", 2)),
     ("failed as flown", percent("rate", 1)),
@@ -229,7 +227,7 @@ def summary(lines: pd.DataFrame) -> list[dict[str, Any]]:
     table = []
     for row, own in lines.groupby("row", sort=False):
         line: dict[str, Any] = {"row": row, "vehicles": len(own)}
-        for key in ("covered", "some", "part", "peak_close", "E_xy_close", "band"):
+        for key in ("covered", "some", "part", "peak_close", "band"):
             line[key] = float(own[key].dropna().astype(float).mean())
         line["peak_ratio"] = float((own["peak_said"] / own["peak_seen"]).median())
         table.append(line | {"rate": float(own["failed"].sum() / own["flown"].sum())})

@@ -1,7 +1,7 @@
 """Random wrench with the statistics of what a model leaves unexplained."""
 
 import dataclasses as dc
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class DisturbanceConfig:
         return any(self.force) or any(self.torque)
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass(frozen=True, eq=False)
 class Disturbance(WrenchEffect):
     """First-order Gauss-Markov force and torque on each body axis.
 
@@ -42,63 +42,49 @@ class Disturbance(WrenchEffect):
     so that it can be evaluated at any t. No part of the library: it is what remains once its
     effects are found.
 
-    deviation: (6,) force, torque [N, N·m].   time: (6,) correlation times T [s].
     """
 
-    deviation: tuple[float, ...]
-    time: tuple[float, ...]
-    seed: int = 0
+    config: DisturbanceConfig
 
     role = ""
     parameters = ()
 
-    @staticmethod
-    def of_config(config: DisturbanceConfig) -> "Disturbance":
-        """Return the disturbance of a scenario."""
-        return Disturbance(
-            (*config.force, *config.torque), (*config.force_time, *config.torque_time), config.seed
-        )
-
-    @cached_property
-    def _waves(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Angular rates [rad/s] and phases [rad], (6, LINES), and amplitudes (6,) [N, N·m]."""
-        frequency, phase = lines(self.seed, len(self.deviation))
-        size = np.array(self.deviation) * np.sqrt(2.0 / LINES)
-        return frequency / np.array(self.time)[:, None], phase, size
-
     def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return force and torque in B, (..., 6) [N, N·m]."""
-        return super().body_wrench(vehicle, motion) + along(motion.t, *self._waves)
+        own = self.config
+        size, time = np.array([[*own.force, *own.torque], [*own.force_time, *own.torque_time]])
+        return super().body_wrench(vehicle, motion) + along(motion.t, size, time, own.seed)
 
 
-def along(
-    t: np.ndarray | float, rate: np.ndarray, phase: np.ndarray, size: np.ndarray
-) -> np.ndarray:
-    """Return the sums of sinusoids at times t (...,), (..., axes).
+def along(t: np.ndarray | float, deviation: np.ndarray, time: np.ndarray, seed: int) -> np.ndarray:
+    """Return first-order Gauss-Markov processes at times t (...,), (..., axes), each as a sum of
+    sinusoids, so that it can be evaluated at any time.
 
     Args:
-        rate: (axes, LINES) angular [rad/s]; phase is as large [rad].
-        size: (axes,) amplitude of each.
+        t: [s].
+        deviation: (axes,) standard deviations.
+        time: (axes,) correlation times [s].
+        seed: of the draw.
     """
-    times = np.asarray(t, float)
-    return _sums(times.ravel(), rate, phase, size).reshape(*times.shape, len(size))
+    times, (rate, phase) = np.asarray(t, float), _lines(seed, len(time))
+    size = deviation * np.sqrt(2.0 / LINES)
+    return _sums(times.ravel(), rate, time, phase, size).reshape(*times.shape, len(size))
 
 
 @compiled
-def _sums(t, rate, phase, size):
+def _sums(t, rate, time, phase, size):
     """Return `along` at times (n,), (n, axes)."""
     out = np.empty((len(t), len(size)))
     for i in range(len(t)):
-        out[i] = size * np.cos(t[i] * rate + phase).sum(axis=1)
+        out[i] = size * np.cos((t[i] / time.reshape(-1, 1)) * rate + phase).sum(axis=1)
     return out
 
 
 @lru_cache(maxsize=64)
-def lines(seed: int, axes: int = 3) -> tuple[np.ndarray, np.ndarray]:
+def _lines(seed: int, axes: int) -> tuple[np.ndarray, np.ndarray]:
     """Return angular frequency times correlation time [1], and phase [rad], (axes, LINES) each.
 
-    A first-order Gauss-Markov process is their sum, so that it can be evaluated at any time. The
-    share (2/π) atan(w T) of a first-order process' power lies below w: one line in each of
+    The share (2/π) atan(w T) of a first-order process' power lies below w: one line in each of
     `LINES` equal shares.
     """
     rng = np.random.default_rng(seed)

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.effects.base import Parameter, WrenchEffect, direction, log_uniform
-from np_drake.effects.disturbance import LINES, along, lines
+from np_drake.effects.disturbance import along
 from np_drake.vehicle import Vehicle
 
 
@@ -56,7 +56,6 @@ class GustyWind(WrenchEffect):
 
     def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
         """Return the wind in W, (..., 3) [m/s]."""
-        frequency, phase = lines(self.seed)
-        size = np.full(3, self.deviation * np.sqrt(2.0 / LINES))
-        gust = along(t, frequency / self.correlation_time, phase, size)
-        return np.array([self.mean_x, self.mean_y, self.mean_z]) + gust
+        size, time = np.full(3, self.deviation), np.full(3, self.correlation_time)
+        mean = np.array([self.mean_x, self.mean_y, self.mean_z])
+        return mean + along(t, size, time, self.seed)
