@@ -1,6 +1,5 @@
 """Laws of certificates: bounds, the part that is chosen, and what is flown."""
 
-import dataclasses as dc
 import json
 
 import numpy as np
@@ -18,9 +17,8 @@ from diagrams.cli.main import run as command_line
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_result import fly
-from np_drake.effects import LinearDrag, MassError
-from np_drake.effects.effect_entry import EffectEntry, Posterior
-from np_drake.vehicle import Vehicle
+from np_drake.effects import LinearDrag
+from np_drake.effects.effect_entry import EffectEntry
 
 OVER = (Range("payload", 0.1, 0.5), Range("speed", 0.5, 1.5))
 maps = arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6)))
@@ -125,6 +123,9 @@ def test_where_every_cell_fails_nothing_may_be_flown():
     assert "nothing may be flown" in sentence(found)
     assert [said for _, said in found.allowed()] == ["no", "no"]
     assert tables(found)
+    true = pd.DataFrame({"shares": [[0.2, 0.2]], "failed": [False], "peak": [0.1], "E_xy": [0.1]})
+    line = coverage.judged(found, true)
+    assert (line["flown"], line["covered"], line["some"]) == (0, None, False)
 
 
 def test_where_no_draw_can_be_flown_it_says_why():
@@ -191,22 +192,12 @@ def test_a_true_vehicle_is_judged_in_the_part_alone():
     assert line["peak_seen"] == pytest.approx(0.4 + 0.95 * 0.7)
 
 
-def test_where_nothing_may_be_flown_no_bound_holds():
-    found = made_of(lambda shares: 1.0, 3, flights=16, cells=2)
-    true = pd.DataFrame({"shares": [[0.2, 0.2]], "failed": [False], "peak": [0.1], "E_xy": [0.1]})
-    line = coverage.judged(found, true)
-    assert (line["flown"], line["covered"], line["some"]) == (0, None, False)
-
-
-def test_naive_vehicles_lack_what_the_logs_told():
-    interval = {"mass": [[1.8, 2.2]]}
-    vehicle = dc.replace(Vehicle(), intervals=interval).check()
-    config = dc.replace(load_experiment("circle"), vehicle=vehicle)
-    config.reality.effects = [EffectEntry.of(MassError(0.1))]
-    config.reality.posterior = Posterior(["mass_error.delta_mass"], [[1e-4]])
-    alone = coverage.without_spread(config)
-    assert certificate.drawn_flight(alone, (), (), seed=(0,))[1] == {}
-    plain = coverage.with_plain_spread(config)
-    _, drawn = certificate.drawn_flight(plain, (), (), seed=(0,))
-    assert {"mass", "thrust_scale", "inertia[0][0]"} <= set(drawn)
-    assert not plain.reality.effects
+def test_errors_as_told_for_their_place_are_in_the_band():
+    rng = np.random.default_rng(0)
+    shares = rng.random((400, 2))
+    error = 0.01 * np.exp(shares @ [1.0, 2.0] + 0.2 * rng.standard_normal(400))
+    flights = pd.DataFrame({"shares": shares.tolist(), "E_xy": error})
+    told, seen = flights[:200], flights[200:]
+    assert coverage.in_band(told, seen) == pytest.approx(0.95, abs=0.04)
+    assert coverage.in_band(told, seen.assign(E_xy=2 * seen["E_xy"])) < 0.05
+    assert coverage.in_band(told, seen.assign(E_xy=None)) == 0.0
