@@ -171,12 +171,12 @@ COLUMNS: tuple[Column, ...] = (
     ("drawn from", "row"),
     ("vehicles", "vehicles"),
     ("bound holds", percent("covered")),
-    ("some of the map", percent("some")),
-    ("part of it", percent("part")),
+    ("some", percent("some")),
+    ("part", percent("part")),
     ("peak within 20 %", percent("peak_close")),
-    ("E_xy in 95 % band", percent("band")),
-    ("peak, said / seen", fixed("peak_ratio", 2)),
-    ("failed as flown", percent("rate", 1)),
+    ("E_xy in band", percent("band")),
+    ("peak said / seen", fixed("peak_ratio", 2)),
+    ("failed", percent("rate", 1)),
 )
 
 

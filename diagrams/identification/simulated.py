@@ -250,8 +250,10 @@ def _as_logged(
     turn = attitude.from_rotation_vector(np.array([v.calibration.imu_tilt]))[0]
     turns = np.broadcast_to(turn, log.q.shape)
     force = attitude.rotate_back(turns, attitude.rotate_back(log.q, log.a + g))
-    a, w = attitude.rotate(log.q, force) - g, attitude.rotate_back(turns, log.w)
-    log = dc.replace(log, a=a, w=w, al=None, name=name)
+    # An autopilot estimates its attitude by the same IMU; that of a research vehicle is by markers.
+    q = attitude.multiply(log.q, turns) if truth.input == "throttle" else log.q
+    a, w = attitude.rotate(q, force) - g, attitude.rotate_back(turns, log.w)
+    log = dc.replace(log, q=q, a=a, w=w, al=None, name=name)
     log = rows_of(log, kept_rows(rng, quality, len(log)))
     if truth.input == "rotor_speed":
         return dc.replace(log, input="rotor_speed")
