@@ -327,8 +327,7 @@ class WrenchEffect(Effect):
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
-        own = {"wrench", "body_wrench"} & vars(cls).keys()
-        for flag in ("pushes", "turns") if own else ():
+        for flag in ("pushes", "turns") if {"wrench", "body_wrench"} & vars(cls).keys() else ():
             if flag not in vars(cls):
                 setattr(cls, flag, True)
 
