@@ -41,7 +41,6 @@ class Disturbance(WrenchEffect):
     Spectrum of an axis 2 deviation² T / (1 + w² T²), as a sum of sinusoids with phases by `seed`,
     so that it can be evaluated at any t. No part of the library: it is what remains once its
     effects are found.
-
     """
 
     config: DisturbanceConfig
