@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import Demultiplexer, LinearSystem
+from pydrake.systems.primitives import Integrator, MatrixGain, Multiplexer
 
 from np_drake import attitude
 from np_drake.compiled import compiled, turned
@@ -256,15 +256,18 @@ def add_vehicle_forces(
     )
     speed, rate = forces.GetOutputPort("target"), None
     if type(effects.lag) is MotorLag:
-        rotors = RotorSpeed(vehicle, effects.lag.time_constant, hover_thrust)
-        split = builder.AddSystem(Demultiplexer([4, 4]))
-        builder.Connect(speed, builder.AddNamedSystem("actuators", rotors).get_input_port())
-        builder.Connect(rotors.get_output_port(), split.get_input_port())
-        speed, rate = split.get_output_port(0), split.get_output_port(1)
+        rotors = builder.AddNamedSystem("actuators", RotorSpeed(vehicle, hover_thrust))
+        both, missing = builder.AddSystem(Multiplexer([4, 4])), np.hstack([np.eye(4), -np.eye(4)])
+        lagging = builder.AddSystem(MatrixGain(missing / effects.lag.time_constant))
+        builder.Connect(speed, both.get_input_port(0))
+        builder.Connect(rotors.get_output_port(), both.get_input_port(1))
+        builder.Connect(both.get_output_port(), lagging.get_input_port())
+        builder.Connect(lagging.get_output_port(), rotors.get_input_port())
+        speed, rate = rotors.get_output_port(), lagging.get_output_port()
     elif effects.lag is not None:
-        lagging = ActuatorEffects(vehicle, [effects.lag], hover_thrust)
-        builder.Connect(command, builder.AddNamedSystem("actuators", lagging).get_input_port())
-        speed, rate = lagging.GetOutputPort("state"), lagging.GetOutputPort("rotor_rate")
+        uneven = ActuatorEffects(vehicle, [effects.lag], hover_thrust)
+        builder.Connect(command, builder.AddNamedSystem("actuators", uneven).get_input_port())
+        speed, rate = uneven.GetOutputPort("state"), uneven.GetOutputPort("rotor_rate")
     builder.Connect(command, forces.GetInputPort("command"))
     builder.Connect(speed, forces.GetInputPort("rotor_speed"))
     builder.Connect(plant.get_state_output_port(), forces.GetInputPort("plant_state"))
@@ -275,34 +278,31 @@ def add_vehicle_forces(
     return ports, forces.GetOutputPort("generalized_force")
 
 
-class RotorSpeed(LinearSystem):
-    """Rotors that follow a commanded speed.
+class RotorSpeed(Integrator):
+    """Integral of the rotors' acceleration.
 
     .. pydrake_system::
 
         name: RotorSpeed
         input_ports:
-        - u0
+        - u
         output_ports:
-        - y0
+        - y
 
     | port | size | meaning | unit |
     |---|---|---|---|
-    | u0 | 4 | commanded speed | rad/s |
-    | y0 | 8 | [rotor speed, its rate] | rad/s, rad/s² |
+    | u | 4 | acceleration | rad/s² |
+    | y | 4 | rotor speed | rad/s |
 
     Continuous state: rotor speed; it starts at rest under hover thrust.
 
     Args:
         vehicle: nominal.
-        time_constant: of the lag [s].
         hover_thrust: (4,) [N].
     """
 
-    def __init__(self, vehicle: Vehicle, time_constant: float, hover_thrust: np.ndarray):
-        one, rate = np.eye(4), np.eye(4) / time_constant
-        super().__init__(A=-rate, B=rate, C=np.vstack([one, -rate]), D=np.vstack([0 * one, rate]))
-        self.configure_default_state(MotorLag().state_at(vehicle, hover_thrust))
+    def __init__(self, vehicle: Vehicle, hover_thrust: np.ndarray):
+        super().__init__(MotorLag().state_at(vehicle, hover_thrust))
         self._vehicle = vehicle
 
     def rest_at(self, context: Context, thrust: np.ndarray) -> None:

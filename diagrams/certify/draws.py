@@ -178,8 +178,11 @@ def drawn_flight(
         for name, value in entry.made.values.items()
         if f"{entry.effect}.{name}" in reality.posterior.parameters
     }
-    in_loop = config.autopilot.kind == "rate_loop"  # whose lag holds that of the rotors
-    if spread and not any((*reality.lags, vehicle.rotor_time_constant, in_loop)):
+    if (
+        spread
+        and config.autopilot.kind != "rate_loop"
+        and not any((*reality.lags, vehicle.rotor_time_constant))
+    ):
         found["motor_lag"] = float(rng.lognormal(lag.mean, lag.deviation))
     reality = dc.replace(
         reality,

@@ -73,7 +73,7 @@ def test_the_controller_assumes_the_file_and_another_vehicle_flies():
     assert flight.reality.thrust_scale == pytest.approx(whole)
 
 
-def test_rotors_of_a_measured_vehicle_whose_file_states_no_lag_lag_as_published_ones():
+def test_rotors_without_a_stated_lag_lag_as_published_ones():
     config, prior = dc.replace(load_experiment("circle"), vehicle=VEHICLE), published_priors()
     assert drawn_flight(config, (), (), seed=(0,))[0].reality.motor_lag == config.reality.motor_lag
     config = dc.replace(config, reality=dc.replace(config.reality, motor_lag=0.0))
