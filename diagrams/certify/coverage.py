@@ -151,7 +151,7 @@ def with_plain_spread(config: FlightConfig) -> FlightConfig:
 def judged(found: Certificate, true: pd.DataFrame) -> dict[str, Any]:
     """Return whether a certificate holds for flights of the vehicle as it truly is, evenly drawn
     over the map: failures in its part within the bound, largest deviation as predicted; None where
-    nothing may be flown.
+    no part was chosen.
     """
     shares = np.array(true["shares"].tolist())
     cell = np.minimum((shares * found.part.shape).astype(int), np.array(found.part.shape) - 1)

@@ -1,5 +1,6 @@
 """Laws of certificates: bounds, the part that is chosen, and what is flown."""
 
+import dataclasses as dc
 import json
 
 import numpy as np
@@ -17,8 +18,9 @@ from diagrams.cli.main import run as command_line
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_result import fly
-from np_drake.effects import LinearDrag
-from np_drake.effects.effect_entry import EffectEntry
+from np_drake.effects import LinearDrag, MassError
+from np_drake.effects.effect_entry import EffectEntry, Posterior
+from np_drake.vehicle import Vehicle
 
 OVER = (Range("payload", 0.1, 0.5), Range("speed", 0.5, 1.5))
 maps = arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6)))
@@ -201,3 +203,17 @@ def test_errors_as_told_for_their_place_are_in_the_band():
     assert coverage.in_band(told, seen) == pytest.approx(0.95, abs=0.04)
     assert coverage.in_band(told, seen.assign(E_xy=2 * seen["E_xy"])) < 0.05
     assert coverage.in_band(told, seen.assign(E_xy=None)) == 0.0
+
+
+def test_naive_vehicles_lack_what_the_logs_told():
+    interval = {"mass": [[1.8, 2.2]]}
+    vehicle = dc.replace(Vehicle(), intervals=interval).check()
+    config = dc.replace(load_experiment("circle"), vehicle=vehicle)
+    config.reality.effects = [EffectEntry.of(MassError(0.1))]
+    config.reality.posterior = Posterior(["mass_error.delta_mass"], [[1e-4]])
+    alone = coverage.without_spread(config)
+    assert certificate.drawn_flight(alone, (), (), seed=(0,))[1] == {}
+    plain = coverage.with_plain_spread(config)
+    _, drawn = certificate.drawn_flight(plain, (), (), seed=(0,))
+    assert {"mass", "thrust_scale", "inertia[0][0]"} <= set(drawn)
+    assert not plain.reality.effects
