@@ -106,7 +106,8 @@ def in_band(told: pd.DataFrame, seen: pd.DataFrame) -> float:
     """Return the share of flights whose error E_xy is in the 95 % band that told flights give for
     their place [1]; NaN without any.
 
-    The logarithm of the error is quadratic in the place; lost flights are in no band.
+    The logarithm of the error is quadratic in the place, by least squares, with the prediction
+    interval of that; lost flights are in no band.
     """
 
     def terms(flights: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
@@ -117,9 +118,9 @@ def in_band(told: pd.DataFrame, seen: pd.DataFrame) -> float:
     if not len(seen):
         return np.nan
     (A, a), (B, b) = terms(told[told["E_xy"].notna()]), terms(seen)
-    fit = np.linalg.lstsq(A, a, rcond=None)[0]
-    spread = SURE * (a - A @ fit).std(ddof=A.shape[1])
-    return float((np.abs(b - B @ fit) <= spread).mean())
+    P = np.linalg.pinv(A)
+    within = SURE * (a - A @ P @ a).std(ddof=A.shape[1]) * np.sqrt(1 + np.sum((B @ P) ** 2, axis=1))
+    return float((np.abs(b - B @ P @ a) <= within).mean())
 
 
 def without_spread(config: FlightConfig) -> FlightConfig:
