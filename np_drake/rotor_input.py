@@ -3,6 +3,7 @@ file's lag.
 """
 
 import dataclasses as dc
+import math
 
 import numpy as np
 import scipy
@@ -56,9 +57,17 @@ def rotor_decay(vehicle: Vehicle, step: float) -> float:
     Args:
         step: between samples [s].
     """
-    # Exact discretisation of the first-order lag under a held command.
-    lag = vehicle.rotor_time_constant
-    return float(np.exp(-step / lag)) if lag > 0 else 0.0
+    return lag_shares(vehicle.rotor_time_constant, step)[1]
+
+
+def lag_shares(time_constant: float, step: float) -> tuple[float, float]:
+    """Return the share of a difference that a first-order lag leaves under a held command: mean
+    over a step, and at its end [1].
+    """
+    if time_constant <= 0.0:
+        return 0.0, 0.0
+    decay = math.exp(-step / time_constant)
+    return time_constant / step * (1.0 - decay), decay
 
 
 def rotor_speed(vehicle: Vehicle, u: np.ndarray) -> np.ndarray:

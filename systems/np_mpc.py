@@ -39,8 +39,8 @@ class NpMpc(LeafSystem):
     | solve_time | 1 | wall time of the last event | s |
     | plan_u, plan_x, plan_chi | 4 N, 13 (N+1), 6 N | the last plan: inputs, states, chi_hat | |
 
-    State: plan_u, plan_x, plan_chi, [status, solve time, has a plan]. Event: periodic, every
-    `period`. Before the first event the output is the hover input.
+    State: plan_u, plan_x, plan_chi, [status, solve time, has a plan], thrust and torque of the
+    rotors as their lag lets them act. Event: periodic, every `period`. Before the first event the output is the hover input.
     """  # noqa: E501
 
     def __init__(self, controller: MpcController):
@@ -52,7 +52,7 @@ class NpMpc(LeafSystem):
         self._forecast_port = self.DeclareAbstractInputPort("forecast", Value[object]())
         start = controller.initial_memory()
         self._shapes = [start.u.shape, start.x.shape, start.chi.shape]
-        arrays = (start.u, start.x, start.chi, start.flags)
+        arrays = (start.u, start.x, start.chi, start.flags, start.acting)
         groups = [self.DeclareDiscreteState(BasicVector(array.ravel())) for array in arrays]
         xd = {self.xd_ticket()}
         self.DeclareVectorOutputPort("u", INPUT_SIZE, self._calc_u, xd)
@@ -64,9 +64,9 @@ class NpMpc(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(controller.period, 0.0, self._update_plan)
 
     def _memory(self, context) -> ControllerMemory:
-        values = [context.get_discrete_state(i).CopyToVector() for i in range(4)]
+        values = [context.get_discrete_state(i).CopyToVector() for i in range(5)]
         u, x, chi = (v.reshape(shape) for v, shape in zip(values[:3], self._shapes, strict=True))
-        return ControllerMemory(u, x, chi, flags=values[3])
+        return ControllerMemory(u, x, chi, flags=values[3], acting=values[4])
 
     def _update_plan(self, context, discrete_state) -> None:
         forecast = (
@@ -79,7 +79,8 @@ class NpMpc(LeafSystem):
             forecast=forecast,
             t=context.get_time(),
         )
-        for i, array in enumerate((memory.u, memory.x, memory.chi, memory.flags)):
+        arrays = (memory.u, memory.x, memory.chi, memory.flags, memory.acting)
+        for i, array in enumerate(arrays):
             discrete_state.set_value(i, array.ravel())
 
     def _calc_u(self, context, output) -> None:

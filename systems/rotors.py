@@ -7,9 +7,16 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant, Propeller, PropellerInfo
-from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.framework import (
+    BasicVector,
+    DiagramBuilder,
+    LeafSystem,
+    OutputPort,
+    ValueProducer,
+)
 from pydrake.systems.primitives import MatrixGain, Saturation
 
 from np_drake.effects.base import ActuatorEffect
@@ -218,6 +225,8 @@ class ActuatorEffects(LeafSystem):
         self.DeclareVectorOutputPort("nominal_thrust", 4, self._calc_nominal_thrust, prerequisites)
         self.DeclareVectorOutputPort("rotor_rate", 4, self._calc_rotor_rate, prerequisites)
         self.DeclareStateOutputPort("state", self._state_index)
+        producer = ValueProducer(allocate=Value[object], calc=self._calc_rates)
+        self._rates = self.DeclareCacheEntry("rates", producer, prerequisites)
 
     def _resting_state(self, thrust: np.ndarray) -> np.ndarray:
         states, passed = [], np.asarray(thrust, float)
@@ -258,9 +267,11 @@ class ActuatorEffects(LeafSystem):
     def DoCalcTimeDerivatives(self, context, derivatives) -> None:
         """Compute the effects' state rates, as an override of Drake's virtual."""
         if self._lagging:
-            given = self._given(context)
-            rates = [self._rate(stage, *given) for stage in self._lagging]
-            derivatives.SetFromVector(rates[0] if len(rates) == 1 else np.concatenate(rates))
+            derivatives.SetFromVector(np.concatenate(self._rates.Eval(context)))
+
+    def _calc_rates(self, context, rates) -> None:
+        given = self._given(context)
+        rates.set_value([self._rate(stage, *given) for stage in self._lagging])
 
     def _calc_thrust(self, context, output) -> None:
         output.SetFromVector(self._passed(self._stages, *self._given(context)))
@@ -270,10 +281,11 @@ class ActuatorEffects(LeafSystem):
         output.SetFromVector(self._passed(motors, *self._given(context)))
 
     def _calc_rotor_rate(self, context, output) -> None:
-        rate, given = np.zeros(4), self._given(context)
-        for stage in self._lagging:
-            if stage.effect.turns_rotor and stage.effect.state_size == 4 and stage.acts(given[2]):
-                rate = self._rate(stage, *given)
+        rate = np.zeros(4)
+        for stage, own in zip(self._lagging, self._rates.Eval(context), strict=True):
+            spins = stage.effect.turns_rotor and stage.effect.state_size == 4
+            if spins and stage.acts(context.get_time()):
+                rate = own
         output.SetFromVector(rate)
 
 

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from np_drake.autopilot.betaflight import AutopilotError, find_firmware
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded; its threads only cost here
 
 # How fast examples are drawn and tried is the machine's, and no law.
@@ -73,6 +75,15 @@ def neurobem() -> Path:
             f"no real flights in {folder}: set NP_DRAKE_NEUROBEM to the folder of csv/ and npy/"
         )
     return folder
+
+
+@pytest.fixture(scope="session")
+def firmware() -> None:
+    """Skip where Betaflight's firmware is not installed."""
+    try:
+        find_firmware()
+    except AutopilotError as missing:
+        pytest.skip(f"{missing} `make autopilot` runs these tests.")
 
 
 def real_flights_folder() -> Path:

@@ -95,7 +95,7 @@ class Truth:
             "drag, vertical": self.drag.d_z / v.mass,
             "lift of lateral speed": self.lift.lift / v.mass,
             **{f"inertia {'xyz'[i]}{'xyz'[j]}": v.J[i, j] for i in range(3) for j in range(i, 3)},
-            **{f"centre of mass {a}": c.center_of_mass[i] for i, a in enumerate("xy")},
+            **{f"centre of mass {a}": c.center_of_mass[i] for i, a in enumerate("xyz")},
             **{f"gain of rotor {i + 1}": gain for i, gain in enumerate(c.rotor_gains)},
             **{f"IMU {a}": float(self.imu[i]) for i, a in enumerate("xyz")},
             **{f"IMU tilt {a}": c.imu_tilt[i] for i, a in enumerate("xyz")},
@@ -143,7 +143,7 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
         J[i, j] = J[j, i] = -0.5 * (xx + yy) * spread(0.0, 0.02)
     gains = 1.0 + np.array([spread(0.0, 0.02) for _ in range(4)])
     calibration = Calibration(
-        center_of_mass=[spread(0.0, 0.03) * arm, spread(0.0, 0.03) * arm, 0.0],
+        center_of_mass=[spread(0.0, sd) * arm for sd in (0.03, 0.03, 0.05)],
         rotor_gains=[float(g) for g in gains / gains.mean()],
         command_delay=rng.uniform(0.0, 0.015),
         rotor_inertia=float(mass * arm**2 * min(drawn(told.rotor_inertia), 2e-3)),

@@ -1,5 +1,6 @@
 """Controllers by name: one MPC with different residual models, a cascade, or the user's own."""
 
+import dataclasses as dc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -92,10 +93,14 @@ def add_controller(
     source, estimator = _add_source_and_estimator(
         builder, config, labelled(believed, model), reference, rig, label, config.mpc.horizon
     )
-    solver = make_solver(
-        config.solver, believed, config.mpc, time_limit=SOLVER_SHARE * config.deadline
-    )
-    control = MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline)
+    is_oracle = config.kind == "oracle" and model is None
+    along_plan = is_oracle or isinstance(model, ReadsPlan)
+    # A forecast along the planned inputs holds what a lag, if it has one, makes of them.
+    holds_lag = is_oracle or (along_plan and getattr(model, "rotor_lag", 0.0) > 0.0)
+    planned = dc.replace(believed, rotor_time_constant=0.0) if holds_lag else believed
+    limit = SOLVER_SHARE * config.deadline
+    solver = make_solver(config.solver, planned, config.mpc, time_limit=limit)
+    control = MpcController(planned, config.mpc, solver, period=period, deadline=config.deadline)
     mpc = builder.AddNamedSystem("np_mpc", NpMpc(control))
     connect(builder, rig, mpc, "x")
     connect(builder, source, mpc, "flat")
@@ -108,7 +113,6 @@ def add_controller(
         ports["rates_thrust"] = mpc.GetOutputPort("rates_thrust")
         ports["u"] = _add_rate_loop(builder, believed, rig, in_force or ports["rates_thrust"])
     acting = ports["u"]
-    is_oracle = config.kind == "oracle" and model is None
     timing = _delay_filter(config, believed, model, truth[1] if is_oracle and truth else None)
     delay = None
     if timing is not None:
@@ -132,7 +136,7 @@ def add_controller(
         how: dict[str, Any] = {
             "horizon": config.mpc.horizon,
             "stride": config.stride,
-            "vehicle": believed if delay else None,
+            "vehicle": planned if delay else None,
         }
         if isinstance(model, NeuralPredictorModel):
             predictor = NeuralPredictor(model, **how)
@@ -145,7 +149,7 @@ def add_controller(
         ports["chi_hat"] = predictor.GetOutputPort("chi_hat")
     if predictor is not None:
         connect(builder, predictor, mpc, "forecast")
-        if is_oracle or isinstance(model, ReadsPlan):
+        if along_plan:
             connect(builder, mpc, predictor, "plan_u", "plan_x")
         if delay is not None:
             connect(builder, delay, predictor, "sent", "delay")

@@ -1,7 +1,7 @@
 """Random wrench with the statistics of what a model leaves unexplained."""
 
 import dataclasses as dc
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -50,9 +50,14 @@ class Disturbance(WrenchEffect):
 
     def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return force and torque in B, (..., 6) [N, N·m]."""
+        size, time = self._spread
+        return along(motion.t, size, time, self.config.seed)
+
+    @cached_property
+    def _spread(self) -> np.ndarray:
+        """Deviations [N, N·m] and correlation times [s] of the axes, (2, 6)."""
         own = self.config
-        size, time = np.array([[*own.force, *own.torque], [*own.force_time, *own.torque_time]])
-        return super().body_wrench(vehicle, motion) + along(motion.t, size, time, own.seed)
+        return np.array([[*own.force, *own.torque], [*own.force_time, *own.torque_time]])
 
 
 def along(t: np.ndarray | float, deviation: np.ndarray, time: np.ndarray, seed: int) -> np.ndarray:

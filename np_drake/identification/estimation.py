@@ -70,6 +70,7 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("gain_yaw", 0.0, 0.03),
         Parameter("com_x", 0.0, 0.05),
         Parameter("com_y", 0.0, 0.05),
+        Parameter("com_z", 0.0, 0.05),
         Parameter("jxx", moment.mean, moment.deviation, log=True),
         Parameter(
             "jyy", known.inertia_pitch.mean, known.inertia_pitch.deviation, log=True

@@ -19,8 +19,6 @@ SHAPES = {
     "calibration.imu_position": (3,),
     "calibration.imu_tilt": (3,),
 }
-# 95 % of the height of a centre of mass, in arms [1]; own choice: that of a battery above or below
-HEIGHT = 0.1
 DIGITS = 6
 # largest uncertainty that a file states [1]; own choice: that of a coefficient of no flight
 VAGUE = 0.4
@@ -124,9 +122,6 @@ def _numbers(
     for q in own:
         for out, number in ((value, q.value), (low, q.low), (high, q.high)):
             out[q.quantity.index] = out[q.quantity.index[::-1]] = _rounded(number)
-    if field == "calibration.center_of_mass":
-        arm = float(np.linalg.norm(prior.rotor_positions, axis=1).mean())
-        low[2], high[2] = _rounded(-HEIGHT * arm), _rounded(HEIGHT * arm)
     return value.tolist(), np.stack([low.ravel(), high.ravel()], axis=1).tolist()
 
 

@@ -225,7 +225,7 @@ class FlightModel:
     def center(self, v: Values) -> np.ndarray:
         """Return the centre of mass (3,) from Bo [m]."""
         return self.frame.arm * np.array(
-            [v["com_x"] + v["shift_x"], v["com_y"] + v["shift_y"], 0.0]
+            [v["com_x"] + v["shift_x"], v["com_y"] + v["shift_y"], v["com_z"]]
         )
 
     def arms(self, v: Values) -> np.ndarray:

@@ -229,6 +229,16 @@ QUANTITIES: tuple[Quantity, ...] = (
         )
         for i, a in enumerate("xy")
     ),
+    Quantity(
+        "centre of mass z",
+        "calibration.center_of_mass",
+        "m",
+        lambda v, b: b.frame.arm * v["com_z"],
+        (2,),
+        needs=ROTORS,
+        why="a lower IMU and the air's moment look the same",
+        manoeuvre="a measurement of it",
+    ),
     *(
         Quantity(
             f"gain of rotor {i + 1}",

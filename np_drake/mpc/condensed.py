@@ -1,6 +1,7 @@
 """Single shooting over the rotor thrusts: rollout, exact sensitivities and the Gauss-Newton model.
 
-The decision is T (N, 4), u = mixer T, so that the hard input set is a plain box. The lifted linear
+The decision is T (N, 4), u = mixer T, so that the hard input set is a plain box. Rotors that lag
+act with a weighted mean of the inputs so far, which is linear too. The lifted linear
 system is linear in the predicted zeta and is eliminated exactly (`horizon.eliminate`); nothing here
 grows with K. A wrench that reacts to zeta nonlinearly is evaluated at every predicted state, and
 its own Jacobian joins the sensitivities.
@@ -10,7 +11,7 @@ import dataclasses as dc
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import lapack, toeplitz
 from scipy.linalg.blas import dsyrk
 
 from np_drake.compiled import compiled
@@ -20,6 +21,7 @@ from np_drake.mpc.objective import LATERAL, Objective, SoftRows, lateral_respons
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, SolverFailure
 from np_drake.residual_model import Reaction
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
+from np_drake.rotor_input import lag_shares
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios
 
@@ -99,6 +101,11 @@ class Condensed:
         self.size = 4 * n
         self._mixer, self._Q, self._R = np.ascontiguousarray(by.mixer, float), config.Q, self.R
         self._Q_root = np.sqrt(config.Q)
+        # Of rotors that lag: shares of the inputs so far, and of what acted before, in the mean
+        # over each stage
+        mean, end = lag_shares(by.rotor_lag, config.step)
+        self._faded = mean * end ** np.arange(n)
+        self._shares = toeplitz([1 - mean, *((1 - end) * self._faded[:-1])], np.zeros(n))
         over_decision = by.mixer.T @ (self.R[:, None] * by.mixer)
         self._inputs = np.asfortranarray(np.kron(np.eye(n), 2 * over_decision))
         cuts = [n - first for first in range(0, n, _PART)][::-1]
@@ -107,13 +114,9 @@ class Condensed:
             for first, last in zip([0, *cuts], cuts, strict=False)
         ]
 
-    def prepare(self, problem: MpcProblem, markov: np.ndarray | None = None) -> Horizon:
-        """Return the problem made ready for a solver.
-
-        Args:
-            markov: as of `horizon.Preparation`.
-        """
-        return self._prepare(problem, markov)
+    def prepare(self, problem: MpcProblem) -> Horizon:
+        """Return the problem made ready for a solver."""
+        return self._prepare(problem)
 
     def clip(self, T: np.ndarray) -> np.ndarray:
         """Return the decision (..., 4) clipped to the hard input set."""
@@ -126,17 +129,22 @@ class Condensed:
             T: (N, 4) rotor thrusts [N].
         """
         u = np.ascontiguousarray(T @ self._mixer.T)
+        acting = self._acting(h, u)
         chi, x = h.free.copy(), np.empty((self.config.horizon + 1, STATE_SIZE))
         x[0] = h.x0
         if h.reaction is None:
-            self.dynamics.rollout(x, u, chi, h.markov)
+            self.dynamics.rollout(x, acting, chi, h.markov)
         else:
-            self._rollout_with_reaction(h, h.reaction, x, u, chi)
+            self._rollout_with_reaction(h, h.reaction, x, acting, chi)
         cost, excess = self.objective.cost(h, x, u, chi), self.objective.excess(h, x)
         slacks = self.objective.slacks(excess)
         return Trajectory(
             T, u, x, chi, cost, excess, slacks, cost + penalty(slacks, self.config.slack_weight)
         )
+
+    def _acting(self, h: Horizon, u: np.ndarray) -> np.ndarray:
+        """Return the thrust and torque (N, 4) that act under the inputs u (N, 4) [N, N·m]."""
+        return self._shares @ u + np.outer(self._faded, h.acting)
 
     def _rollout_with_reaction(self, h: Horizon, reaction: Reaction, x, u, chi) -> None:
         """Write x and chi as `DiscreteDynamics.rollout`, with a wrench that reacts to the motion at
@@ -154,20 +162,22 @@ class Condensed:
         predicted motion.
         """
         n = self.config.horizon
-        model = self.dynamics.linearise(t.x[:-1], t.u, t.chi)
+        model = self.dynamics.linearise(t.x[:-1], self._acting(h, t.u), t.chi)
         own = np.zeros((0, 6, 6)) if h.reaction is None else h.reaction.jacobian(t.x[:-1, ZETA])
         S = np.zeros((n, STATE_SIZE, 4 * n)) if out is None else out
         Fu = (model.Fu.reshape(-1, INPUT_SIZE) @ self._mixer).reshape(model.Fu.shape)
         workspace = np.empty((WRENCH_SIZE, 4 * n))
-        _sensitivities(model.Fx, Fu, h.markov, np.ascontiguousarray(own), S, workspace)
+        own = np.ascontiguousarray(own)
+        _sensitivities(model.Fx, Fu, self._shares, h.markov, own, S, workspace)
         return S
 
-    def model(self, h: Horizon, t: Trajectory, S: np.ndarray, curvature: Curvature) -> LocalModel:
-        """Return the local model at t of a given curvature.
+    def model(self, h: Horizon, t: Trajectory, S: np.ndarray) -> LocalModel:
+        """Return the local model at t.
 
         Args:
             S: (N, 13, 4N) sensitivities at t [1/N].
         """
+        curvature = Curvature(self.hessian(h, S))
         return LocalModel(curvature, self.gradient(h, t, S), self.objective.rows(h, t.x, S))
 
     def hessian(self, h: Horizon, S: np.ndarray) -> np.ndarray:
@@ -256,12 +266,13 @@ def _feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
 
 
 @compiled
-def _sensitivities(Fx, Fu, markov, own, S, chi):
+def _sensitivities(Fx, Fu, shares, markov, own, S, chi):
     """Write dx_(i+1)/dT, S (N, 13, 4N); the columns of later inputs stay as they are.
 
     Args:
         Fx: (N, 13, 19) over [x, chi].
         Fu: (N, 13, 4) over the rotor thrusts.
+        shares: (N, N) of the inputs in what acts in a stage.
         markov: (6, 6(N-1)) of `Horizon`, or (6, 0).
         own: (N, 6, 6) of the reaction of the wrench, or (0, 6, 6).
         S: (N, 13, 4N) to be written.
@@ -270,21 +281,24 @@ def _sensitivities(Fx, Fu, markov, own, S, chi):
     known, reacts = markov.shape[1], len(own) > 0
     for i in range(len(Fx)):
         size = 4 * i
-        for row in range(13):
-            for col in range(4):
-                S[i, row, size + col] = Fu[i, row, col]
-        if i == 0:
-            continue
-        # S_(i+1) = Fx S_i + Fchi dchi_i/dT + Fu, where input i acts from stage i on
-        _move(Fx[i], S[i - 1], S[i], size)
+        # S_(i+1) = Fx S_i + Fchi dchi_i/dT + Fu shares_i, where input i acts from stage i on
+        S[i, :, size : size + 4] = 0.0
+        if i:
+            _move(Fx[i], S[i - 1], S[i], size)
         driven = known > 0 and i > 1
-        if driven or reacts:
+        if driven or (reacts and i > 0):
             chi[:, :size] = 0.0
             if driven:
                 _drive(markov, known - 6 * i, S, i, chi)
             if reacts:
                 _six_rows(own[i], 0, S[i - 1], size, chi)
             _push(Fx[i], chi, S[i], size)
+        for j in range(i + 1):
+            share = shares[i, j]
+            if share != 0.0:
+                for row in range(13):
+                    for col in range(4):
+                        S[i, row, 4 * j + col] += share * Fu[i, row, col]
 
 
 @compiled

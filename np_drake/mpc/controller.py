@@ -21,6 +21,7 @@ from np_drake.mpc.problem import (
 from np_drake.references.flatness import body_rates, targets
 from np_drake.residual_model import WrenchForecast, constant_forecast
 from np_drake.rigid_body import W
+from np_drake.rotor_input import lag_shares
 from np_drake.vehicle import Vehicle
 
 
@@ -32,6 +33,7 @@ class ControllerMemory:
     x: np.ndarray  # (N+1, 13)
     chi: np.ndarray  # (N, 6) [N, N·m]
     flags: np.ndarray  # [status, solve time [s], 1 if there is a plan]
+    acting: np.ndarray  # (4,) thrust and torque of the rotors when the plan began [N, N·m]
 
 
 class MpcController:
@@ -57,6 +59,7 @@ class MpcController:
         self.vehicle, self.config, self.solver = vehicle, config.check(), solver
         self.actuation = Actuation.of(vehicle, config.command)
         self.period, self.deadline = period, deadline
+        self._decay = lag_shares(self.actuation.rotor_lag, period)[1]
 
     def initial_memory(self) -> ControllerMemory:
         """Return the memory before the first plan: hover at the origin."""
@@ -64,12 +67,16 @@ class MpcController:
         x = np.zeros((N + 1, 13))
         x[:, 3] = 1.0
         flags = np.array([float(MpcStatus.HOVER), 0.0, 0.0])
-        return ControllerMemory(
-            np.tile(self.vehicle.hover_input, (N, 1)), x, np.zeros((N, 6)), flags
-        )
+        hover = self.vehicle.hover_input
+        return ControllerMemory(np.tile(hover, (N, 1)), x, np.zeros((N, 6)), flags, hover)
 
     def problem(
-        self, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None, t: float = 0.0
+        self,
+        x: np.ndarray,
+        flat: np.ndarray,
+        forecast: WrenchForecast | None,
+        t: float = 0.0,
+        acting: np.ndarray | None = None,
     ) -> MpcProblem:
         """Return the problem at this instant.
 
@@ -82,6 +89,7 @@ class MpcController:
             flat: (5, N+1, 3) reference motion from the problem's beginning.
             forecast: None for the nominal MPC.
             t: of the measurement [s].
+            acting: as of `MpcProblem`.
         """
         N, by = self.config.horizon, self.actuation
         forecast = forecast or constant_forecast(np.zeros(6), N)
@@ -93,7 +101,7 @@ class MpcController:
         chi[N] = chi[N - 1]
         x_ref, u_ref = targets(self.vehicle, flat, chi)
         u_ref = by.saturate(by.driving(self.vehicle, x_ref[:N], u_ref[:N]))
-        return MpcProblem(x0=x, x_ref=x_ref, u_ref=u_ref, forecast=forecast, t=t)
+        return MpcProblem(x, x_ref, u_ref, forecast, t, acting)
 
     def step(
         self,
@@ -115,9 +123,10 @@ class MpcController:
             t: of the measurement [s].
         """
         last = self._last_plan(memory)
+        acting = memory.u[0] + self._decay * (memory.acting - memory.u[0])
         start = time.perf_counter()
         try:
-            solution = self.solver.solve(self.problem(x, flat, forecast, t), last)
+            solution = self.solver.solve(self.problem(x, flat, forecast, t, acting), last)
             spent = time.perf_counter() - start
             if spent > self.deadline:
                 raise SolverFailure(f"{self.solver.name}: answer came after {spent:.3f} s.")
@@ -126,7 +135,7 @@ class MpcController:
             solution = last if last is not None else self._hover(x)
         has_plan = last is not None or solution.status <= MpcStatus.SQP_FALLBACK
         flags = np.array([float(solution.status), spent, float(has_plan)])
-        return ControllerMemory(solution.u, solution.x, solution.chi, flags)
+        return ControllerMemory(solution.u, solution.x, solution.chi, flags, acting)
 
     def rates_thrust(self, memory: ControllerMemory) -> np.ndarray:
         """Return collective thrust and body rates (4,) for an autopilot [N, rad/s].

@@ -32,6 +32,8 @@ class Actuation:
     rotors: T are the rotor thrusts, J_free = J, no damping.
     rates: T = [collective thrust, commanded body rates]; a rate loop damps by 1 / lag, is driven by
     tau_m = J gain w_c / lag, and makes up for the gyroscopic torque itself: J_free = 0.
+
+    rotor_lag: time constant with which the rotors follow T, none under a rate loop [s].
     """
 
     mixer: np.ndarray  # (4, 4)
@@ -41,6 +43,7 @@ class Actuation:
     J_inv: np.ndarray  # (3, 3) [1/(kg·m²)]
     damping: np.ndarray  # (3,) [1/s]
     loop: RateLoop | None = None
+    rotor_lag: float = 0.0
 
     @classmethod
     def of(cls, vehicle: Vehicle, command: str = "rotors") -> "Actuation":
@@ -65,6 +68,7 @@ class Actuation:
                 J,
                 J_inv,
                 np.zeros(3),
+                rotor_lag=vehicle.rotor_time_constant,
             )
         loop = vehicle.rate_loop
         if loop is None:

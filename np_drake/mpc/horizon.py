@@ -107,6 +107,7 @@ class Horizon:
     P_root: np.ndarray  # (13, 13), F with F'F = P
     free: np.ndarray  # (N, 6) wrench with zeta = 0
     markov: np.ndarray
+    acting: np.ndarray  # (4,) thrust and torque of the rotors before the first input [N, N·m]
     reaction: Reaction | None = None
 
 
@@ -119,11 +120,9 @@ class Preparation:
         self._shapes = {"x0": (STATE_SIZE,), "x_ref": (n + 1, STATE_SIZE), "u_ref": (n, INPUT_SIZE)}
         self._horizon = n
 
-    def __call__(self, problem: MpcProblem, markov: np.ndarray | None = None) -> Horizon:
+    def __call__(self, problem: MpcProblem) -> Horizon:
         """Return the problem made ready for a solver.
 
-        Args:
-            markov: of an earlier horizon, kept instead of that of this problem's A, B and C.
         Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
         """
         f = problem.forecast
@@ -141,22 +140,21 @@ class Preparation:
             raise SolverFailure(
                 _wrong_shape("forecast.offset", f.offset, (self._horizon, WRENCH_SIZE))
             )
-        free, markov = eliminate(f, markov)
+        free, markov = eliminate(f)
         if not (finite(free) and finite(markov)):
             raise SolverFailure(
                 "MPC: the forecast overflows within the horizon; its A must be stable."
             )
         F = self._terminal.factor(x_ref[-1, 3:7])
-        return Horizon(x0, x_ref, u_ref, F.T @ F, F, free, markov, f.reaction)
+        acting = u_ref[0] if problem.acting is None else problem.acting
+        acting = _checked("acting", acting, (INPUT_SIZE,))
+        return Horizon(x0, x_ref, u_ref, F.T @ F, F, free, markov, acting, f.reaction)
 
 
-def eliminate(f: WrenchForecast, markov: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+def eliminate(f: WrenchForecast) -> tuple[np.ndarray, np.ndarray]:
     """Return (free, markov) of `Horizon`.
 
     Only C A^j [B z] is needed, so K leaves the problem; the reaction stays.
-
-    Args:
-        markov: as of `Preparation`.
     Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
     """
     n, K = len(f.offset), np.size(f.z)
@@ -165,9 +163,6 @@ def eliminate(f: WrenchForecast, markov: np.ndarray | None = None) -> tuple[np.n
     A, B, C, z = (
         _checked(f"forecast.{name}", getattr(f, name), shape) for name, shape in shapes.items()
     )
-    if markov is not None:
-        _free_response(A, C, z, free)
-        return free, markov
     markov = np.empty((WRENCH_SIZE, WRENCH_SIZE * (n - 1) if K else 0))
     if K:
         _eliminate(A, B, C, z, free, markov)
@@ -235,19 +230,3 @@ def _times(A, B, out):
             e, f, g = e + k * B[s, 4], f + k * B[s, 5], g + k * B[s, 6]
         out[row, 0], out[row, 1], out[row, 2], out[row, 3] = a, b, c, d
         out[row, 4], out[row, 5], out[row, 6] = e, f, g
-
-
-@compiled
-def _free_response(A, C, z, free):
-    """Add C A^i z to free (N, 6)."""
-    now, ahead = z.copy(), np.empty(len(z))
-    for i in range(len(free)):
-        for row in range(6):
-            for s in range(len(z)):
-                free[i, row] += C[row, s] * now[s]
-        for row in range(len(z)):
-            total = 0.0
-            for s in range(len(z)):
-                total += A[row, s] * now[s]
-            ahead[row] = total
-        now, ahead = ahead, now

@@ -1,10 +1,12 @@
 """Motion and memory of a residual model at the instant at which the next command acts."""
 
 import numpy as np
+import scipy
 
 from np_drake.command_delay import FINE, commands_under_way
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.residual_model import Memory, Plan, ReadsPlan, ResidualModel, Sample
+from np_drake.rotor_input import lag_shares
 from np_drake.vehicle import Vehicle
 
 NO_LABEL = np.full(6, np.nan)
@@ -16,12 +18,13 @@ class LookAhead:
     The nominal dynamics go on under each command and the wrench that the model forecasts for the
     period; after each period the model takes in the predicted state as a sample without label. The
     rest of a broken period moves the state alone, so that the model's memory is up to 3 / `FINE` of
-    a period older.
+    a period older. Rotors that lag by the vehicle file act with the commands through that lag.
     Source: Smith 1957, the predictor for dead time.
     """
 
     def __init__(self, model: ResidualModel, vehicle: Vehicle):
         self._model, self._fine = model, model.step / FINE
+        self._mean, self._end = lag_shares(vehicle.rotor_time_constant, self._fine)
         self._dynamics = DiscreteDynamics(vehicle, self._fine)
 
     def __call__(
@@ -34,7 +37,11 @@ class LookAhead:
             sent: (KEPT, 4) commands, the newest first [N, N·m].
             delay: [s].
         """
-        under_way = commands_under_way(sent, round(delay / self._fine))
+        # Mean over each fine step, from rest at the oldest command
+        every, m = commands_under_way(sent, FINE * len(sent)), self._mean
+        law = ([1.0 - m, m - self._end], [1.0, -self._end])
+        acting, _ = scipy.signal.lfilter(*law, every, axis=0, zi=m * every[:1])
+        under_way = acting[len(acting) - round(delay / self._fine) :]
         for start in range(0, len(under_way), FINE):
             commands = under_way[start : start + FINE]
             u = commands.mean(axis=0)

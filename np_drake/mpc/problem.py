@@ -96,6 +96,8 @@ class MpcProblem:
     u_ref: np.ndarray  # (N, 4) likewise [N, N·m]
     forecast: WrenchForecast  # the residual wrench over the horizon, at the MPC's step
     t: float = 0.0  # time of the measurement [s]
+    # (4,) thrust and torque of the rotors, which lag; None: those of u_ref [N, N·m]
+    acting: np.ndarray | None = None
 
 
 @dc.dataclass(frozen=True)

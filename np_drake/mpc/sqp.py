@@ -57,29 +57,12 @@ _CRITICAL_ROWS = 24  # rows of the first attempt with soft sets
 _ACTIVE_SET_ROUNDS = 10  # before the iteration counts as cycling; own choice [1]
 
 
-@dc.dataclass(frozen=True)
-class Prepared:
-    """Problem linearised around a trajectory; valid until its solver prepares or solves the
-    next.
-    """
-
-    horizon: Horizon
-    trajectory: Trajectory
-    sensitivities: np.ndarray  # (N, 13, 4N) of x_1 … x_N over the rotor thrusts [1/N]
-    curvature: Curvature
-    cold: bool = False  # whether no plan was at hand
-
-
 class SqpSolver:
     """Gauss-Newton SQP with a merit check: a real-time iteration of `steps` steps.
 
     More steps, up to `max_steps`, follow a cold start and a step whose local model missed the true
     decrease. Status OPTIMAL: the local model predicted the decrease of the last step to 3e-3 of the
     cost. With `time_limit` [s] = inf the answer does not depend on the machine.
-
-    `solve` answers a problem that is known now. `prepare` and `feedback` are its two halves: the
-    first linearises around the state that is predicted, before the measurement; the second takes
-    one step from what was measured.
 
     Args:
         steps: of a solve from a warm start that meets its tolerance [1].
@@ -116,46 +99,6 @@ class SqpSolver:
             t, status, count = self.descend(h, t, steps=steps, deadline=start + self._time_limit)
         return as_solution(t, status, count, time.perf_counter() - start)
 
-    def prepare(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> Prepared:
-        """Linearise a problem around the warm start, or where there is none around a cold start.
-
-        Args:
-            warm_start: last solution, None for none.
-        Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
-        """
-        with np.errstate(all="ignore"):
-            h = self.condensed.prepare(problem)
-            t, cold = initial_trajectory(self.condensed, h, warm_start)
-            prepared = dc.replace(self._linearise(h, t), cold=cold)
-            prepared.curvature.factor  # noqa: B018  computed here, so that the feedback need not
-        return prepared
-
-    def feedback(self, prepared: Prepared, problem: MpcProblem) -> MpcSolution:
-        """Return the plan for the problem as it was measured, by one step on prepared derivatives.
-
-        Measurement, references and the forecast's z and offset are those of the problem, and its A,
-        B and C enter what the wrench does without feedback. What the planned motion makes of the
-        wrench is as prepared. A cold start needs more than one step: it is solved in full.
-
-        Args:
-            prepared: of `prepare`.
-        Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
-        """
-        if prepared.cold:
-            return self.solve(problem)
-        start = time.perf_counter()
-        with np.errstate(all="ignore"), expected_early_ends():
-            h = self.condensed.prepare(problem, prepared.horizon.markov)
-            t = self.condensed.rollout(h, prepared.trajectory.T)
-            if not t.finite:
-                return self.solve(problem)
-            now = dc.replace(prepared, horizon=h, trajectory=t)
-            t, miss = self._step(now, self._time_limit)
-        status = (
-            MpcStatus.OPTIMAL if miss <= _TOLERANCE * (1 + t.merit) else MpcStatus.ITERATION_LIMIT
-        )
-        return as_solution(t, status, 1, time.perf_counter() - start)
-
     def descend(
         self, h: Horizon, t: Trajectory, *, steps: range, deadline: float
     ) -> tuple[Trajectory, MpcStatus, int]:
@@ -186,15 +129,8 @@ class SqpSolver:
         Returns: the new trajectory, and the error of the local model's decrease against the true
             one.
         """
-        return self._step(self._linearise(h, t), time_limit)
-
-    def _linearise(self, h: Horizon, t: Trajectory) -> Prepared:
         S = self.condensed.sensitivities(h, t, self._sensitivities)
-        return Prepared(h, t, S, Curvature(self.condensed.hessian(h, S)))
-
-    def _step(self, prepared: Prepared, time_limit: float) -> tuple[Trajectory, float]:
-        h, t = prepared.horizon, prepared.trajectory
-        model = self.condensed.model(h, t, prepared.sensitivities, prepared.curvature)
+        model = self.condensed.model(h, t, S)
         by = self.condensed.actuation
         lower, upper = (by.lower - t.T).ravel(), (by.upper - t.T).ravel()
         step = self._qp.solve(model, lower, upper, time_limit)

@@ -3,7 +3,6 @@ controller's plan.
 """
 
 import dataclasses as dc
-import math
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from np_drake.payload_filter.hook import initial_shift, next_shift, torque_doubt
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.residual_model import Memory, Plan, Sample, WrenchForecast
 from np_drake.rigid_body import Q, W
+from np_drake.rotor_input import lag_shares
 
 RAW = LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf)  # the filter wants white noise
 # over which the noise of labels is averaged [s], as many samples of any vehicle; own choice
@@ -113,7 +113,7 @@ class PayloadFilter:
             return {**memory, **initial_lag(self.rotor_lag, u), **begun}
         mass, chi = self.model.mass, np.asarray(sample.chi, float)
         lagged = u + self._decays * (memory["lagged"] - u)
-        mean_decay, decay = _lag(memory["lag"][0], self.step)
+        mean_decay, decay = lag_shares(memory["lag"][0], self.step)
         before = memory["acting"] - u
         acting, over_step = u + decay * before, u + mean_decay * before
         # The label takes the trained lag for granted
@@ -199,7 +199,7 @@ class PayloadFilter:
             gravity,
             step,
             stride,
-            *_lag(memory["lag"][0], step),
+            *lag_shares(memory["lag"][0], step),
             wrench,
         )
         A, B, C, offset = np.zeros((4, 4)), np.zeros((4, 6)), np.zeros((6, 4)), wrench.copy()
@@ -227,13 +227,3 @@ def _take_noise(labels, variance, seen, force, share, least):
     blend = max(share, 1.0 / (2.0 + seen[0]))
     square = np.minimum(square, CLIP**2 * variance)
     return kept, np.maximum(variance + blend * (square - variance), least**2), seen + 1
-
-
-def _lag(time_constant: float, step: float) -> tuple[float, float]:
-    """Return the share of a difference that a first-order lag leaves: mean over a step, and at its
-    end [1].
-    """
-    if time_constant <= 0.0:
-        return 0.0, 0.0
-    decay = math.exp(-step / time_constant)
-    return time_constant / step * (1.0 - decay), decay

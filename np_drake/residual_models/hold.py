@@ -6,6 +6,7 @@ import numpy as np
 
 from np_drake import rigid_body
 from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
+from np_drake.rotor_input import lag_shares
 from np_drake.vehicle import Vehicle
 
 
@@ -71,7 +72,8 @@ class DisturbanceObserver:
     """Luenberger observer of eq. (1) with a constant disturbance: chi_dot = 0.
 
     v_hat+ = v_hat + h v_dot(x, u, chi_hat) + l1 e,  chi_hat+ = chi_hat + M l2 e / h,  e = v -
-    v_hat; both poles of the error at p = exp(-2 pi bandwidth h), so l1 = 1 - p², l2 = (1 - p)².
+    v_hat; both poles of the error at p = exp(-2 pi bandwidth h), so l1 = 1 - p², l2 = (1 - p)². The
+    input u goes through the rotors' lag first, as the vehicle file has it.
     Source: own choice; the standard form of offset-free MPC with pole placement, with the best of
         seven
     pairs of bandwidths.
@@ -95,6 +97,7 @@ class DisturbanceObserver:
         self.step, self._vehicle = step, vehicle
         pole = np.exp(-2 * np.pi * np.repeat([force_bandwidth, torque_bandwidth], 3) * step)
         self._l1, self._l2 = 1 - pole**2, (1 - pole) ** 2
+        self._mean, self._end = lag_shares(vehicle.rotor_time_constant, step)
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample.
@@ -102,9 +105,16 @@ class DisturbanceObserver:
         chi: (6,) [N, N·m].
         zeta: (6,) estimated [m/s, rad/s].
         x: (13,) last measured state.
+        acting: (4,) input that acts [N, N·m].
         started: (1,).
         """
-        return {"chi": np.zeros(6), "zeta": np.zeros(6), "x": np.zeros(13), "started": np.zeros(1)}
+        return {
+            "chi": np.zeros(6),
+            "zeta": np.zeros(6),
+            "x": np.zeros(13),
+            "acting": self._vehicle.hover_input,
+            "started": np.zeros(1),
+        }
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """Return the memory after one predictor-corrector step; a sample with NaN predicts only."""
@@ -120,12 +130,15 @@ class DisturbanceObserver:
             }
         x = memory["x"].copy()
         x[7:13] = memory["zeta"]
-        rate = rigid_body.state_derivative(self._vehicle, x, sample.u, memory["chi"])
+        command = np.where(np.isfinite(sample.u), sample.u, memory["acting"])
+        behind = memory["acting"] - command
+        u, acting = command + self._mean * behind, command + self._end * behind
+        rate = rigid_body.state_derivative(self._vehicle, x, u, memory["chi"])
         predicted = memory["zeta"] + self.step * rate[7:13]
         if not seen:
             q = x[3:7] + self.step * rate[3:7]
             x[3:7] = q / np.linalg.norm(q)
-            return {**memory, "zeta": predicted, "x": x}
+            return {**memory, "zeta": predicted, "x": x, "acting": acting}
         error = rigid_body.zeta(sample.x) - predicted
         impulse = self._l2 * error / self.step
         chi = memory["chi"].copy()
@@ -135,6 +148,7 @@ class DisturbanceObserver:
             "chi": chi,
             "zeta": predicted + self._l1 * error,
             "x": sample.x,
+            "acting": acting,
             "started": np.ones(1),
         }
 

@@ -4,9 +4,10 @@ import dataclasses as dc
 
 import pytest
 
-from diagrams.loop.flight import default_flight
+from diagrams.certify import coverage
+from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_result import fly
-from np_drake.autopilot.betaflight import AutopilotError, find_firmware
+from np_drake.files.yaml_file import filled
 from np_drake.identification.rate_loop import identify_rate_loop
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import RateLoop
@@ -15,12 +16,7 @@ VEHICLE = dc.replace(Vehicle(), rate_loop=RateLoop())
 
 
 @pytest.fixture(scope="module")
-def flown():
-    try:
-        find_firmware()
-    except AutopilotError as missing:
-        pytest.skip(f"{missing} `make autopilot` runs these tests.")
-
+def flown(firmware):
     def one(kind):
         config = dc.replace(default_flight(VEHICLE), duration=18.0).with_autopilot("betaflight")
         config.controller.kind = kind
@@ -40,3 +36,13 @@ def test_its_rate_loop_is_that_of_the_gains_it_was_given(flown):
         # behind the bandwidth of 20 rad/s: rotors, filters and link
         assert 1 / 20.0 < loop.lag < 0.1
         assert loop.gain == pytest.approx(1.05, abs=0.1)
+
+
+def test_the_study_certifies_the_rate_loop_and_flies_the_firmware(firmware, monkeypatch):
+    monkeypatch.setattr(coverage, "LOGGED", 6.0)
+    found = coverage.known_by_firmware({"seed": 0})
+    told, true = (filled(FlightConfig(), found[name]) for name in ("told", "true"))
+    assert (told.autopilot.kind, true.autopilot.kind) == ("rate_loop", "betaflight")
+    assert "rate_loop.lag" in told.vehicle.intervals
+    assert true.controller.vehicle.rate_loop == told.vehicle.rate_loop
+    assert fly(dc.replace(told, duration=0.5), seed=0).metrics()["E_xy"] < 0.05  # [m]

@@ -148,11 +148,6 @@ def test_taut_swing_keeps_its_energy(apply_impulse):
     assert energy() == pytest.approx(before, abs=1e-4)  # [J]
 
 
-def test_rotor_thrust_saturates():
-    simulator, *_ = simulator_of(PayloadConfig(tether="none"), u=[100.0, 0, 0, 0])
-    np.testing.assert_allclose(evaluate(simulator, "rotor_thrust"), 12.0)
-
-
 @pytest.mark.parametrize(
     "time", [{"hangs_at": np.nan}, {"hangs_at": "a"}, {"events": [release(np.nan)]}]
 )
@@ -212,15 +207,6 @@ def test_only_a_braked_bodys_speed_decays_by_drag_over_mass(plant):
 
 
 STEP = 0.004
-
-
-def test_the_effect_becomes_a_body_with_its_figures():
-    found = payload_config(SuspendedPayload(0.3, 1.1, 0.01, 0.02, -0.03, 0.2))
-    same = {"mass": 0.3, "length": 1.1, "hook": [0.01, 0.02, -0.03], "air_damping": 0.2}
-    assert found == PayloadConfig(tether="cable", **same)
-    assert (
-        payload_config(None).tether == payload_config(SuspendedPayload(mass=0.0)).tether == "none"
-    )
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.8])

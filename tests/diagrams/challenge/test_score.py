@@ -1,7 +1,5 @@
 """Laws of the score of a challenge set."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -14,23 +12,12 @@ from diagrams.challenge.score import (
     relative_gap_reduction,
     replay_reduction,
     score,
-    share,
 )
 from tests.diagrams.challenge import hand_made as by_hand
 
 
 def counted(rate):
     return rate["count"], rate["n"]
-
-
-# Statistics
-
-
-def test_the_interval_is_exact_at_its_bounds():
-    low, high = share([True] * 3 + [False] * 7)["ci95"]
-    tail = sum(math.comb(10, k) * low**k * (1 - low) ** (10 - k) for k in range(3, 11))
-    other = sum(math.comb(10, k) * high**k * (1 - high) ** (10 - k) for k in range(4))
-    assert [tail, other] == pytest.approx([0.025, 0.025], rel=1e-9)
 
 
 # Identification

@@ -72,6 +72,15 @@ def test_a_controller_that_knows_or_finds_the_delay_holds_on():
     assert found["command_delay"] == pytest.approx(0.06, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    "kind, most", [("hold", 0.06), ("observer", 0.06), ("payload_filter", 0.006), ("oracle", 0.003)]
+)
+def test_a_lag_of_the_rotors_that_the_vehicle_file_tells_is_flown(kind, most):
+    config = circle(kind)
+    config.vehicle.rotor_time_constant = config.reality.motor_lag = 0.1  # [s]
+    assert fly(config, seed=0).metrics()["E_xy"] < most  # [m]
+
+
 def test_a_delay_that_no_controller_can_know_is_refused():
     with pytest.raises(ValueError, match="command_delay must be 0 to"):
         circle(delay=0.06, command_delay=0.5).check()

@@ -40,13 +40,6 @@ def test_one_iteration_is_our_sqp_step(vehicle, config, make_problem):
     assert theirs.solve_time > 0.0
 
 
-def test_without_acados_the_error_says_what_to_install(vehicle, config, monkeypatch):
-    monkeypatch.delenv(FOLDER, raising=False)
-    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(ImportError, match="comma-deps-acados"):
-        AcadosSolver(vehicle, config)
-
-
 @pytest.fixture(scope="module")
 def casadi_peer(vehicle, config):
     pytest.importorskip("casadi", reason="optional extra `bench`", exc_type=ImportError)
@@ -72,7 +65,14 @@ def test_the_casadi_peer_solves_the_same_problem(casadi_peer, vehicle, config, m
     assert casadi_peer.solve(problem).cost == pytest.approx(sqp.solve(problem).cost, rel=1e-5)
 
 
-def test_without_casadi_the_error_says_what_to_install(vehicle, config, monkeypatch):
+@pytest.mark.parametrize(
+    "peer, remedy", [(AcadosSolver, "comma-deps-acados"), (CasadiSolver, r"np_drake\[bench\]")]
+)
+def test_without_its_library_a_peer_says_what_to_install(
+    vehicle, config, monkeypatch, peer, remedy
+):
+    monkeypatch.delenv(FOLDER, raising=False)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     monkeypatch.setitem(sys.modules, "casadi", None)
-    with pytest.raises(ImportError, match=r"np_drake\[bench\]"):
-        CasadiSolver(vehicle, config)
+    with pytest.raises(ImportError, match=remedy):
+        peer(vehicle, config)

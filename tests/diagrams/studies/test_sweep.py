@@ -3,14 +3,12 @@
 import json
 import math
 
-import numpy as np
-import pandas as pd
 import pytest
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.studies import tracking
 from diagrams.studies.options import FlownRun, fixed, percent, spread
-from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means, tidy
+from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, tidy
 
 REGIME = "paper_vehicle"
 ROWS = (Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np"))
@@ -67,13 +65,6 @@ def test_every_row_flies_every_scenario_with_one_model(monkeypatch, in_this_proc
     ]
     assert set(frame.loc[frame["row"] == "gp 2", "model"]) == {"gp 3"}
     json.dumps(flights)
-
-
-def test_means_have_students_interval():
-    found = means(pd.DataFrame({"E": [1.0, 2.0, 3.0]}), ["E"])
-    assert found["E"] == 2.0
-    assert found["E_ci95"] == pytest.approx(4.302653 / np.sqrt(3), rel=1e-6)  # t(0.975, 2), s = 1
-    assert np.isnan(means(pd.DataFrame({"E": [1.0]}), ["E"])["E_ci95"])
 
 
 @pytest.mark.parametrize(

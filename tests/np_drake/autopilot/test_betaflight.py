@@ -20,7 +20,6 @@ from np_drake.autopilot.betaflight import (
     BetaflightConfig,
     Firmware,
     Sensed,
-    find_firmware,
     gain_lines,
 )
 from np_drake.vehicle import Vehicle, load_vehicle
@@ -31,15 +30,7 @@ AT_REST = Sensed(
 )
 
 
-@pytest.fixture(scope="module")
-def installed():
-    try:
-        find_firmware()
-    except AutopilotError as missing:
-        pytest.skip(f"{missing} `make autopilot` runs these tests.")
-
-
-needs_firmware = pytest.mark.usefixtures("installed")
+needs_firmware = pytest.mark.usefixtures("firmware")
 
 
 def is_alive(pid: int) -> bool:

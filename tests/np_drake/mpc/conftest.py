@@ -29,6 +29,16 @@ def reaction() -> GaussianProcess:
     return GaussianProcess(rng.normal(size=(12, 6)), weight, np.full((6, 6), 1.5), 0.1 * weight[0])
 
 
+def lagging(u, acting, lag, step):
+    """Return the mean over each step of what follows inputs u with a first-order lag."""
+    found, time = [], np.linspace(0.0, step, 4001)
+    for target in u:
+        share = np.exp(-time / lag) if lag else np.zeros_like(time)
+        found.append(target + 0.5 * (share[1:] + share[:-1]).mean() * (acting - target))
+        acting = target + share[-1] * (acting - target)
+    return np.array(found)
+
+
 @pytest.fixture(scope="session")
 def make_problem(vehicle):
     """Hover at the origin; the start is off by `offset` in metres and half in m/s."""

@@ -7,16 +7,21 @@ from np_drake.mpc.condensed import Condensed, Curvature
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.objective import lateral_response
 from np_drake.mpc.sqp import SqpSolver
+from tests.np_drake.mpc.conftest import lagging
+
+LAG = 0.07  # of the rotors [s]
 
 
 @pytest.fixture(
-    params=[(0, False), (24, False), (0, True), (24, True)], ids=["K=0", "K=24", "g", "K=24 and g"]
+    params=[(0, False, 0), (24, False, 0), (0, True, 0), (24, True, 0), (24, True, LAG)],
+    ids=["K=0", "K=24", "g", "K=24 and g", "K=24, g and lag"],
 )
 def setup(request, vehicle, config, make_problem, reaction):
     """(condensed, horizon, thrusts, problem) away from any special point."""
-    dut = Condensed(vehicle, config)
-    K, reacts = request.param
+    K, reacts, lag = request.param
+    dut = Condensed(dc.replace(vehicle, rotor_time_constant=lag), config)
     problem = make_problem(config, K=K, offset=0.4, tilt=0.3, reaction=reaction if reacts else None)
+    problem = dc.replace(problem, acting=vehicle.mixer @ [2.0, 5.0, 3.0, 8.0])
     T = 4.9 + np.random.default_rng(1).normal(size=(config.horizon, 4))
     return dut, dut.prepare(problem), T, problem
 
@@ -24,8 +29,10 @@ def setup(request, vehicle, config, make_problem, reaction):
 def test_the_rollout_obeys_dynamics_and_forecast(setup, vehicle, config):
     dut, h, T, problem = setup
     t = dut.rollout(h, T)
-    steps = DiscreteDynamics(vehicle, config.step).linearise(t.x[:-1], t.u, t.chi)
-    np.testing.assert_allclose(steps.x_next, t.x[1:], atol=1e-12)  # round-off
+    lag = dut.vehicle.rotor_time_constant
+    acting = lagging(t.u, problem.acting, lag, config.step)
+    steps = DiscreteDynamics(vehicle, config.step).linearise(t.x[:-1], acting, t.chi)
+    np.testing.assert_allclose(steps.x_next, t.x[1:], atol=1e-7 if lag else 1e-12)  # quadrature
     # zeta is the predicted one
     np.testing.assert_allclose(problem.forecast.rollout(t.x[:-1, 7:13]), t.chi, atol=1e-12)
     np.testing.assert_allclose(t.u @ vehicle.unmixer.T, T, atol=1e-12)  # [N]

@@ -1,5 +1,8 @@
 """Laws of one period of the controller: what the solver is given, and what flies where it fails."""
 
+import dataclasses as dc
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,6 +17,7 @@ from np_drake.references.base import Hover
 from np_drake.residual_model import Sample
 from np_drake.residual_models.hold import Constant, Hold
 from np_drake.vehicle import Vehicle
+from tests.np_drake.mpc.conftest import lagging
 
 LEVEL = np.array([0.3, 0, 1.0, 1.0, 0, 0, 0, 0.2, 0, 0, 0, 0, 0])
 PERIOD = 0.02
@@ -29,6 +33,7 @@ class Scripted:
 
     def solve(self, problem, warm_start=None):
         self.given.append(warm_start)
+        self.acting = problem.acting
         if len(self.given) - 1 in self.fails:
             raise SolverFailure("scripted: fails as told.")
         n, rng = len(problem.u_ref), np.random.default_rng(len(self.given))
@@ -42,9 +47,9 @@ class Scripted:
 def flown(vehicle, config):
     """Return a function that runs periods at these states: (memories, solver, controller)."""
 
-    def run(states, fails=()):
-        solver = Scripted(fails)
-        dut = MpcController(vehicle, config, solver, period=PERIOD)
+    def run(states, fails=(), lag=0.0):
+        solver, own = Scripted(fails), dc.replace(vehicle, rotor_time_constant=lag)
+        dut = MpcController(own, config, solver, period=PERIOD)
         flat = Hover(np.array([0.0, 0.0, 1.0])).sample(np.arange(config.horizon + 1))
         memories = [dut.initial_memory()]
         for x in states:
@@ -56,6 +61,14 @@ def flown(vehicle, config):
 
 def as_solution(memory) -> MpcSolution:
     return MpcSolution(memory.u, memory.x, memory.chi, MpcStatus.SHIFTED_PLAN, 0.0, 0.0, 0.0, 0)
+
+
+def test_what_acts_follows_the_flown_inputs_with_the_lag_of_the_file(flown):
+    memories, solver, _ = flown([LEVEL] * 4, lag=0.05)
+    for before, after in itertools.pairwise(memories):
+        acting = before.u[0] + np.exp(-PERIOD / 0.05) * (before.acting - before.u[0])
+        np.testing.assert_allclose(after.acting, acting, rtol=1e-12)
+    np.testing.assert_array_equal(solver.acting, memories[-1].acting)
 
 
 def same(a, b) -> None:
@@ -135,10 +148,10 @@ DRAW = np.random.default_rng(3)
 SENT = VEHICLE.hover_input + DRAW.normal(size=(KEPT, 4)) * [1.0, 0.05, 0.05, 0.01]
 
 
-def simulated(x, parts, chi):
-    """Return the state after the commands of `SENT`, a fine step at a time."""
+def simulated(x, commands, chi):
+    """Return the state after commands of a fine step each."""
     dynamics = DiscreteDynamics(VEHICLE, PERIOD / FINE)
-    for u in commands_under_way(SENT, parts):
+    for u in commands:
         x = np.array(dynamics.advance(x.tolist(), u.tolist(), chi.tolist()))
     return x
 
@@ -150,8 +163,16 @@ def test_the_next_command_acts_on_the_state_of_commands_under_way(parts):
     memory = model.update(model.initial_memory(), Sample(MOVING, SENT[0], chi))
     _, x = LookAhead(model, VEHICLE)(memory, MOVING, SENT, parts * PERIOD / FINE)
     # drift of the quaternion [1]
-    np.testing.assert_allclose(x, simulated(MOVING, parts, chi), atol=1e-9)
+    ahead = simulated(MOVING, commands_under_way(SENT, parts), chi)
+    np.testing.assert_allclose(x, ahead, atol=1e-9)
     assert np.linalg.norm(x[3:7]) == pytest.approx(1.0)
+
+
+def test_commands_under_way_act_through_the_lag_of_the_rotors():
+    dut = LookAhead(Hold(step=PERIOD), dc.replace(VEHICLE, rotor_time_constant=0.05))
+    _, x = dut(Hold(step=PERIOD).initial_memory(), MOVING, SENT, 9 * PERIOD / FINE)
+    acting = lagging(commands_under_way(SENT, FINE * KEPT), SENT[-1], 0.05, PERIOD / FINE)
+    np.testing.assert_allclose(x, simulated(MOVING, acting[-9:], np.zeros(6)), atol=1e-9)
 
 
 def test_without_delay_nothing_moves():

@@ -54,6 +54,7 @@ FAILURES = {
     "x0": lambda p: dc.replace(p, x0=spoilt(p.x0, 0)),
     "x_ref": lambda p: dc.replace(p, x_ref=spoilt(p.x_ref, 0)),
     "u_ref": lambda p: dc.replace(p, u_ref=spoilt(p.u_ref, 0)),
+    "acting": lambda p: dc.replace(p, acting=spoilt(p.u_ref[0], 0)),
     "quaternion": lambda p: dc.replace(p, x0=p.x0 * np.repeat([1, 0, 1], [3, 4, 6])),
     "shape": lambda p: dc.replace(p, u_ref=p.u_ref[1:]),
     "stable": lambda p: dc.replace(p, forecast=dc.replace(p.forecast, A=1e200 * p.forecast.A)),

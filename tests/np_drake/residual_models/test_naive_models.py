@@ -30,9 +30,10 @@ def test_hold_with_a_bandwidth_rises_by_63_percent_in_one_time_constant():
     np.testing.assert_allclose(memory["chi"], (1 - np.exp(-1)) * CHI, rtol=1e-9)
 
 
-def test_a_gap_in_the_samples_makes_no_phantom_wrench():
+@pytest.mark.parametrize("command", [1.0, np.nan])
+def test_a_gap_in_the_samples_makes_no_phantom_wrench(command):
     dut, u = DisturbanceObserver(VEHICLE, step=STEP), 0.5 * VEHICLE.hover_input
-    lost = Sample(np.full(13, np.nan), u, np.zeros(6))
+    lost = Sample(np.full(13, np.nan), command * u, np.zeros(6))
     assert fed(dut, [lost])["started"][0] == 0.0  # it waits for a first sample
     samples, x = [], LEVEL.copy()
     for k in range(20):  # half a g of fall, as the model expects

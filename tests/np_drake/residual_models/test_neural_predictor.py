@@ -69,16 +69,6 @@ def test_the_forecast_is_the_law_of_the_data():
     np.testing.assert_allclose(forecast.rollout(zeta), truth, atol=1e-12)
 
 
-@pytest.mark.parametrize("stride", [1, 2, 5])
-def test_a_long_step_is_many_short_ones_under_held_zeta(stride):
-    dut = predictor(last_sample_model())
-    memory, zeta = fed(dut, sequence(10)), np.random.default_rng(0).standard_normal((4, 6))
-    fine = dut.forecast(memory, horizon=4 * stride, stride=1)
-    coarse = dut.forecast(memory, horizon=4, stride=stride).rollout(zeta)
-    expected = fine.rollout(np.repeat(zeta, stride, axis=0))[::stride]
-    np.testing.assert_allclose(coarse, expected, atol=1e-12)
-
-
 def test_until_the_window_is_full_and_of_the_torque_the_low_pass_is_held():
     dut, samples = NeuralPredictor(last_sample_model()), sequence(30)
     held, blend = samples[0].chi, 1 - np.exp(-2 * np.pi * 4.0 * STEP)

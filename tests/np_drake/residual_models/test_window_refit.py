@@ -27,21 +27,6 @@ def refit(model: LiftedModel, window: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return dut.solve(dut.rows(window))
 
 
-def test_the_refit_is_ridge_regression_toward_the_prior():
-    ridge = 0.7
-    model = dc.replace(paper_model(), ridge=ridge)
-    window = np.random.default_rng(1).standard_normal((40, 12))
-    z = model.encoder(window[:, :6])
-    prior = np.hstack([model.system.A, model.system.B * SCALE]).T
-    X = np.vstack([np.hstack([z[:-1], window[:-1, 6:] / SCALE]), np.sqrt(ridge) * np.eye(14)])
-    Y = np.vstack([z[1:], np.sqrt(ridge) * prior])
-    expected = np.linalg.lstsq(X, Y, rcond=None)[0].T
-    assert np.abs(np.linalg.eigvals(expected[:, :8])).max() < RADIUS  # else it would be projected
-    A, B = refit(model, window)
-    np.testing.assert_allclose(A, expected[:, :8], atol=1e-10)
-    np.testing.assert_allclose(B, expected[:, 8:] / SCALE, atol=1e-10)
-
-
 @given(st.integers(0, 1000), st.floats(1e-3, 1e3))
 def test_directions_that_a_window_does_not_excite_keep_the_prior(seed, ridge):
     """Of z and of zeta; along the others the refit does move."""
