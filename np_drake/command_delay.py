@@ -13,9 +13,7 @@ from np_drake.vehicle.scaling import ratios
 
 LONGEST_DELAY = 6  # delay that is looked for [periods]
 FINE = 4  # delays tried in a period [1]
-KEPT = (
-    LONGEST_DELAY + 2
-)  # commands that are kept: of the longest delay, and the one that acted before [1]
+KEPT = LONGEST_DELAY + 34  # commands that are kept: of the longest delay, and of the lag before [1]
 WINDOW = (
     2.0  # over which evidence is averaged, at the paper's vehicle's pace [s]; source: stated prior
 )

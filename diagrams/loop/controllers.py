@@ -95,11 +95,11 @@ def add_controller(
     )
     is_oracle = config.kind == "oracle" and model is None
     along_plan = is_oracle or isinstance(model, ReadsPlan)
-    # A forecast along the planned inputs holds what a lag, if it has one, makes of them.
-    holds_lag = is_oracle or (along_plan and getattr(model, "rotor_lag", 0.0) > 0.0)
-    planned = dc.replace(believed, rotor_time_constant=0.0) if holds_lag else believed
-    limit = SOLVER_SHARE * config.deadline
-    solver = make_solver(config.solver, planned, config.mpc, time_limit=limit)
+    # A forecast along the planned inputs holds what the rotors' lag makes of them.
+    planned = dc.replace(believed, rotor_time_constant=0.0) if along_plan else believed
+    solver = make_solver(
+        config.solver, planned, config.mpc, time_limit=SOLVER_SHARE * config.deadline
+    )
     control = MpcController(planned, config.mpc, solver, period=period, deadline=config.deadline)
     mpc = builder.AddNamedSystem("np_mpc", NpMpc(control))
     connect(builder, rig, mpc, "x")
@@ -303,27 +303,36 @@ def load_np(path: str | Path) -> NeuralPredictorModel | PayloadFilter:
 
 
 def _hold(config: ControllerConfig, vehicle: Vehicle) -> Hold:
-    band = config.hold_bandwidth
-    return Hold(step=config.period, force_bandwidth=band, torque_bandwidth=band)
+    return Hold(step=config.period, bandwidth=config.hold_bandwidth)
 
 
 def _observer(config: ControllerConfig, vehicle: Vehicle) -> DisturbanceObserver:
     unit = ratios(vehicle).clock
-    bands = {"force_bandwidth": 5.0 / unit, "torque_bandwidth": 1.0 / unit}  # [Hz]
-    return DisturbanceObserver(vehicle, step=config.period, **bands)
+    return DisturbanceObserver(
+        vehicle, step=config.period, force_bandwidth=5.0 / unit, torque_bandwidth=1.0 / unit
+    )
 
 
 def _neural_predictor(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
     predictor = load_np(config.predictor or NP_MODEL)
     label = predictor.label if isinstance(predictor, ReadsLabels) else None
     _require_fit(predictor.model, predictor.step, config, vehicle, label)
-    return predictor
+    return _lagging(predictor, vehicle) if isinstance(predictor, PayloadFilter) else predictor
 
 
 def _payload_filter(config: ControllerConfig, vehicle: Vehicle) -> PayloadFilter:
     model = PayloadFilter.load(config.predictor or FILTER_MODEL)
     _require_fit(model.model, model.step, config, vehicle, model.label)
-    return model
+    return _lagging(model, vehicle)
+
+
+def _lagging(model: PayloadFilter, vehicle: Vehicle) -> PayloadFilter:
+    """Return the filter with the lag of the vehicle file, as its labels have it; without one with
+    that of its training.
+    """
+    return PayloadFilter(
+        dc.replace(model.model, rotor_lag=vehicle.rotor_time_constant or model.rotor_lag)
+    )
 
 
 def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> motion_model.MotionModel:

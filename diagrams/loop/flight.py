@@ -19,6 +19,7 @@ from np_drake.autopilot.offboard import OffboardConfig
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.combine import mass_properties, split_effects
+from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.pendulum import Payload
 from np_drake.files.yaml_file import filled, one_line, read_yaml
 from np_drake.references.base import Reference
@@ -283,6 +284,8 @@ class FlightConfig:
         hung = None if payload.tether == "none" else bob
         own = split_effects(in_flight(self.vehicle, beside=reality.actuator_effects()))
         actuators = [*reality.actuator_effects(), *own.actuator]
+        if self.vehicle.rotor_time_constant and not any(isinstance(e, MotorLag) for e in actuators):
+            actuators.insert(0, MotorLag(self.vehicle.rotor_time_constant))
         return TrueModel(
             self.controller.believed(self.vehicle),
             hung,

@@ -74,6 +74,9 @@ class AcadosSolver:
             FileNotFoundError,
         )
         self.condensed = Condensed(vehicle, config)
+        require(
+            vehicle.rotor_time_constant == 0, f"{self.name}: the peer knows no lag of the rotors."
+        )
         self._programs: dict[int, Any] = {}
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:

@@ -57,6 +57,9 @@ class CasadiSolver:
             ImportError,
         )
         self.condensed = Condensed(vehicle, config)
+        require(
+            vehicle.rotor_time_constant == 0, f"{self.name}: the peer knows no lag of the rotors."
+        )
         self._parts = ProblemInCasadi(vehicle, config)
         self._programs: dict[int, tuple[Any, np.ndarray, np.ndarray]] = {}
 

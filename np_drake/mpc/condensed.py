@@ -1,7 +1,8 @@
 """Single shooting over the rotor thrusts: rollout, exact sensitivities and the Gauss-Newton model.
 
 The decision is T (N, 4), u = mixer T, so that the hard input set is a plain box. Rotors that lag
-act with a weighted mean of the inputs so far, which is linear too. The lifted linear
+act with a weighted mean of the inputs so far, which is linear too; R prices what acts, and a part
+of it the command. The lifted linear
 system is linear in the predicted zeta and is eliminated exactly (`horizon.eliminate`); nothing here
 grows with K. A wrench that reacts to zeta nonlinearly is evaluated at every predicted state, and
 its own Jacobian joins the sensitivities.
@@ -26,6 +27,9 @@ from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios
 
 ZETA = slice(7, 13)  # part of the state to which a wrench reacts
+# Share of R that prices the command of rotors that lag: their inverse would amplify noise [1]; own
+# choice
+_COMMANDED = 0.5
 _PART = 10  # stages that are weighed at once; the later ones depend on more inputs [1]
 
 
@@ -39,6 +43,7 @@ class Trajectory:
 
     T: np.ndarray  # (N, 4) [N]
     u: np.ndarray  # (N, 4) [N, N·m]
+    acting: np.ndarray  # (N, 4) mean over each step of what u makes of the rotors [N, N·m]
     x: np.ndarray  # (N+1, 13)
     chi: np.ndarray  # (N, 6) [N, N·m]
     cost: float  # [1]
@@ -99,7 +104,7 @@ class Condensed:
         self._prepare = Preparation(vehicle, config)
         n = config.horizon
         self.size = 4 * n
-        self._mixer, self._Q, self._R = np.ascontiguousarray(by.mixer, float), config.Q, self.R
+        self._mixer, self._Q = np.ascontiguousarray(by.mixer, float), config.Q
         self._Q_root = np.sqrt(config.Q)
         # Of rotors that lag: shares of the inputs so far, and of what acted before, in the mean
         # over each stage
@@ -107,7 +112,8 @@ class Condensed:
         self._faded = mean * end ** np.arange(n)
         self._shares = toeplitz([1 - mean, *((1 - end) * self._faded[:-1])], np.zeros(n))
         over_decision = by.mixer.T @ (self.R[:, None] * by.mixer)
-        self._inputs = np.asfortranarray(np.kron(np.eye(n), 2 * over_decision))
+        priced = (1 - _COMMANDED) * self._shares.T @ self._shares + _COMMANDED * np.eye(n)
+        self._inputs = np.asfortranarray(np.kron(priced, 2 * over_decision))
         cuts = [n - first for first in range(0, n, _PART)][::-1]
         self._parts = [
             (first, np.empty((13 * (last - first), 4 * last)))
@@ -129,22 +135,19 @@ class Condensed:
             T: (N, 4) rotor thrusts [N].
         """
         u = np.ascontiguousarray(T @ self._mixer.T)
-        acting = self._acting(h, u)
+        acting = self._shares @ u + np.outer(self._faded, h.acting)
         chi, x = h.free.copy(), np.empty((self.config.horizon + 1, STATE_SIZE))
         x[0] = h.x0
         if h.reaction is None:
             self.dynamics.rollout(x, acting, chi, h.markov)
         else:
             self._rollout_with_reaction(h, h.reaction, x, acting, chi)
-        cost, excess = self.objective.cost(h, x, u, chi), self.objective.excess(h, x)
+        cost, excess = self.objective.cost(h, x, acting, chi), self.objective.excess(h, x)
+        beyond = (u - acting) * (u + acting - 2 * h.u_ref) * self.R
+        cost += _COMMANDED * float(beyond.sum())
         slacks = self.objective.slacks(excess)
-        return Trajectory(
-            T, u, x, chi, cost, excess, slacks, cost + penalty(slacks, self.config.slack_weight)
-        )
-
-    def _acting(self, h: Horizon, u: np.ndarray) -> np.ndarray:
-        """Return the thrust and torque (N, 4) that act under the inputs u (N, 4) [N, N·m]."""
-        return self._shares @ u + np.outer(self._faded, h.acting)
+        merit = cost + penalty(slacks, self.config.slack_weight)
+        return Trajectory(T, u, acting, x, chi, cost, excess, slacks, merit)
 
     def _rollout_with_reaction(self, h: Horizon, reaction: Reaction, x, u, chi) -> None:
         """Write x and chi as `DiscreteDynamics.rollout`, with a wrench that reacts to the motion at
@@ -162,7 +165,7 @@ class Condensed:
         predicted motion.
         """
         n = self.config.horizon
-        model = self.dynamics.linearise(t.x[:-1], self._acting(h, t.u), t.chi)
+        model = self.dynamics.linearise(t.x[:-1], t.acting, t.chi)
         own = np.zeros((0, 6, 6)) if h.reaction is None else h.reaction.jacobian(t.x[:-1, ZETA])
         S = np.zeros((n, STATE_SIZE, 4 * n)) if out is None else out
         Fu = (model.Fu.reshape(-1, INPUT_SIZE) @ self._mixer).reshape(model.Fu.shape)
@@ -208,9 +211,11 @@ class Condensed:
         Args:
             S: (N, 13, 4N) sensitivities at t [1/N].
         """
-        # g / 2 = U'R (u - u_ref) + sum_i S_i'Q (x_i - x_ref,i) + S_N'P (x_N - x_ref,N)
-        gradient = np.empty(self.size)
-        _gradient(t.x, h.x_ref, t.u, h.u_ref, self._Q, self._R, h.P, self._mixer, S, gradient)
+        # g / 2 = U'R (u - u_ref) + sum_i S_i'Q (x_i - x_ref,i) + S_N'P (x_N - x_ref,N), u acting
+        error = (1 - _COMMANDED) * self._shares.T @ (t.acting - h.u_ref)
+        error += _COMMANDED * (t.u - h.u_ref)
+        gradient = (2 * (error * self.R) @ self._mixer).ravel()
+        _add_gradient(t.x, h.x_ref, self._Q, h.P, S, gradient)
         if self.config.weight_swing > 0:
             pull = 2 * self.config.weight_swing * t.chi[:, LATERAL]
             gradient += pull.ravel() @ lateral_response(h, S).reshape(-1, self.size)
@@ -421,28 +426,18 @@ def _weigh_end(S, root, out):
 
 
 @compiled
-def _gradient(x, x_ref, u, u_ref, Q, R, P, mixer, S, out):
-    """Write the gradient of the tracking cost over the rotor thrusts to out (4N,) [1/N].
+def _add_gradient(x, x_ref, Q, P, S, out):
+    """Add the gradient of the states' cost over the rotor thrusts to out (4N,) [1/N].
 
     Args:
         x: (N+1, 13) states.
         x_ref: (N+1, 13) wanted.
-        u: (N, 4) inputs [N, N·m].
-        u_ref: (N, 4) wanted.
         Q: (13,) weights of the states.
-        R: (4,) of the inputs.
         P: (13, 13) of the last state.
-        mixer: (4, 4) rotor thrusts to inputs.
         S: (N, 13, 4N) sensitivities.
-        out: (4N,) to be written.
+        out: (4N,) to be added to.
     """
-    n = len(u)
-    for i in range(n):
-        for col in range(4):
-            total = 0.0
-            for row in range(4):
-                total += R[row] * (u[i, row] - u_ref[i, row]) * mixer[row, col]
-            out[4 * i + col] = 2 * total
+    n = len(S)
     for i in range(n):
         for row in range(13):
             if i < n - 1:

@@ -60,12 +60,11 @@ class Actuation:
                 f"Actuation: command must be one of {', '.join(COMMANDS)}; got {command!r}."
             )
         if command == "rotors":
-            J = np.ascontiguousarray(vehicle.J, float)
             return cls(
                 np.ascontiguousarray(vehicle.mixer),
                 np.zeros(4),
                 np.full(4, top),
-                J,
+                np.ascontiguousarray(vehicle.J, float),
                 J_inv,
                 np.zeros(3),
                 rotor_lag=vehicle.rotor_time_constant,

@@ -41,12 +41,11 @@ class LookAhead:
         every, m = commands_under_way(sent, FINE * len(sent)), self._mean
         law = ([1.0 - m, m - self._end], [1.0, -self._end])
         acting, _ = scipy.signal.lfilter(*law, every, axis=0, zi=m * every[:1])
-        under_way = acting[len(acting) - round(delay / self._fine) :]
-        for start in range(0, len(under_way), FINE):
-            commands = under_way[start : start + FINE]
-            u = commands.mean(axis=0)
-            x = self._advance(x, commands, self._wrench(memory, x, u))
-            if len(commands) == FINE:
+        for start in range(len(every) - round(delay / self._fine), len(every), FINE):
+            now = slice(start, start + FINE)
+            u = every[now].mean(axis=0)  # the model knows of the lag itself
+            x = self._advance(x, acting[now], self._wrench(memory, x, u))
+            if start + FINE <= len(every):
                 memory = self._model.update(memory, Sample(x, u, NO_LABEL))
         return memory, x
 

@@ -40,16 +40,13 @@ class Hold:
 
     Args:
         step: time between samples [s].
-        force_bandwidth, torque_bandwidth: of a first-order low-pass on top of the label's own [Hz];
+        bandwidth: of a first-order low-pass on top of the label's own [Hz]; infinite: none.
     """
 
     name = "hold"
 
-    def __init__(
-        self, *, step: float, force_bandwidth: float = np.inf, torque_bandwidth: float = np.inf
-    ):
+    def __init__(self, *, step: float, bandwidth: float = np.inf):
         self.step = step
-        bandwidth = np.repeat([force_bandwidth, torque_bandwidth], 3)
         self._gain = 1.0 - np.exp(-2 * np.pi * bandwidth * step)
 
     def initial_memory(self) -> Memory:
@@ -119,6 +116,7 @@ class DisturbanceObserver:
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """Return the memory after one predictor-corrector step; a sample with NaN predicts only."""
         seen = bool(np.all(np.isfinite(sample.x)))
+        command = np.where(np.isfinite(sample.u), sample.u, memory["acting"])
         if not memory["started"][0]:
             if not seen:
                 return memory
@@ -126,11 +124,11 @@ class DisturbanceObserver:
                 **memory,
                 "zeta": rigid_body.zeta(sample.x),
                 "x": sample.x,
+                "acting": command,
                 "started": np.ones(1),
             }
         x = memory["x"].copy()
         x[7:13] = memory["zeta"]
-        command = np.where(np.isfinite(sample.u), sample.u, memory["acting"])
         behind = memory["acting"] - command
         u, acting = command + self._mean * behind, command + self._end * behind
         rate = rigid_body.state_derivative(self._vehicle, x, u, memory["chi"])

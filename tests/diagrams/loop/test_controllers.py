@@ -73,11 +73,12 @@ def test_a_controller_that_knows_or_finds_the_delay_holds_on():
 
 
 @pytest.mark.parametrize(
-    "kind, most", [("hold", 0.06), ("observer", 0.06), ("payload_filter", 0.006), ("oracle", 0.003)]
+    "kind, delay, most",
+    [("hold", 0.1, 0.06), ("observer", 0.04, 0.06), ("np", 0.0, 0.006), ("oracle", 0.0, 0.003)],
 )
-def test_a_lag_of_the_rotors_that_the_vehicle_file_tells_is_flown(kind, most):
-    config = circle(kind)
-    config.vehicle.rotor_time_constant = config.reality.motor_lag = 0.1  # [s]
+def test_a_lag_of_the_rotors_that_the_vehicle_file_tells_is_flown(kind, delay, most):
+    config = circle(kind, delay, command_delay=delay)
+    config.vehicle.rotor_time_constant, config.reality.motor_lag = 0.15, 0.0  # [s]
     assert fly(config, seed=0).metrics()["E_xy"] < most  # [m]
 
 

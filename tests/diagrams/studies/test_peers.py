@@ -68,9 +68,7 @@ def test_the_casadi_peer_solves_the_same_problem(casadi_peer, vehicle, config, m
 @pytest.mark.parametrize(
     "peer, remedy", [(AcadosSolver, "comma-deps-acados"), (CasadiSolver, r"np_drake\[bench\]")]
 )
-def test_without_its_library_a_peer_says_what_to_install(
-    vehicle, config, monkeypatch, peer, remedy
-):
+def test_a_peer_names_what_it_lacks(vehicle, config, monkeypatch, peer, remedy):
     monkeypatch.delenv(FOLDER, raising=False)
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     monkeypatch.setitem(sys.modules, "casadi", None)

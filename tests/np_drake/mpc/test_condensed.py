@@ -9,11 +9,9 @@ from np_drake.mpc.objective import lateral_response
 from np_drake.mpc.sqp import SqpSolver
 from tests.np_drake.mpc.conftest import lagging
 
-LAG = 0.07  # of the rotors [s]
-
 
 @pytest.fixture(
-    params=[(0, False, 0), (24, False, 0), (0, True, 0), (24, True, 0), (24, True, LAG)],
+    params=[(0, False, 0), (24, False, 0), (0, True, 0), (24, True, 0), (24, True, 0.07)],
     ids=["K=0", "K=24", "g", "K=24 and g", "K=24, g and lag"],
 )
 def setup(request, vehicle, config, make_problem, reaction):
@@ -74,7 +72,9 @@ def test_the_hessian_is_the_cost_of_the_sensitivities(setup, vehicle, config):
     d = np.random.default_rng(4).normal(size=T.shape)
     dx = dut.sensitivities(h, t) @ d.ravel()
     du = d @ vehicle.mixer.T
-    expected = np.sum(dx[:-1] ** 2 @ config.Q) + dx[-1] @ h.P @ dx[-1] + np.sum(du**2 @ config.R)
+    acting = lagging(du, np.zeros(4), dut.vehicle.rotor_time_constant, config.step)
+    price = 0.5 * np.sum((acting**2 + du**2) @ config.R)
+    expected = np.sum(dx[:-1] ** 2 @ config.Q) + dx[-1] @ h.P @ dx[-1] + price
     assert 0.5 * d.ravel() @ H @ d.ravel() == pytest.approx(expected, rel=1e-10)
 
 

@@ -25,7 +25,7 @@ def labels(*rows):
 
 def test_hold_with_a_bandwidth_rises_by_63_percent_in_one_time_constant():
     bandwidth = 1 / (2 * np.pi * 0.2)
-    dut = Hold(step=STEP, force_bandwidth=bandwidth, torque_bandwidth=bandwidth)
+    dut = Hold(step=STEP, bandwidth=bandwidth)
     memory = fed(dut, labels(np.zeros(6), *[CHI] * 10))
     np.testing.assert_allclose(memory["chi"], (1 - np.exp(-1)) * CHI, rtol=1e-9)
 
