@@ -66,6 +66,7 @@ class AcadosSolver:
         """Load acados; a problem is compiled when the first of its size comes.
 
         Raises: ImportError: if acados is missing.   FileNotFoundError: without a C compiler.
+            ValueError: of a vehicle whose rotors lag.
         """
         self._template, self._steps = _acados_template(), steps
         require(

@@ -43,6 +43,7 @@ class CasadiSolver:
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
         """Load CasADi; a problem is built when the first of its size comes.
         Raises: ImportError: without CasADi, or without its IPOPT.
+            ValueError: of a vehicle whose rotors lag.
         """
         try:
             self._casadi: Any = importlib.import_module("casadi")

@@ -1,11 +1,10 @@
 """Single shooting over the rotor thrusts: rollout, exact sensitivities and the Gauss-Newton model.
 
 The decision is T (N, 4), u = mixer T, so that the hard input set is a plain box. Rotors that lag
-act with a weighted mean of the inputs so far, which is linear too; R prices what acts, and a part
-of it the command. The lifted linear
-system is linear in the predicted zeta and is eliminated exactly (`horizon.eliminate`); nothing here
-grows with K. A wrench that reacts to zeta nonlinearly is evaluated at every predicted state, and
-its own Jacobian joins the sensitivities.
+act with a weighted mean of the inputs so far, which is linear in T too. The lifted linear system is
+linear in the predicted zeta and is eliminated exactly (`horizon.eliminate`); nothing here grows
+with K. A wrench that reacts to zeta nonlinearly is evaluated at every predicted state, and its own
+Jacobian joins the sensitivities.
 """
 
 import dataclasses as dc
@@ -27,8 +26,8 @@ from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios
 
 ZETA = slice(7, 13)  # part of the state to which a wrench reacts
-# Share of R that prices the command of rotors that lag: their inverse would amplify noise [1]; own
-# choice
+# Share of R on the command of rotors that lag; the rest is on what acts. Without it the plan would
+# invert the lag and amplify noise [1]; own choice
 _COMMANDED = 0.5
 _PART = 10  # stages that are weighed at once; the later ones depend on more inputs [1]
 

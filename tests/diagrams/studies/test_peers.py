@@ -1,5 +1,6 @@
 """Laws of the peers on acados and CasADi; skipped without them."""
 
+import dataclasses as dc
 import importlib.util
 import sys
 
@@ -63,6 +64,8 @@ def test_the_casadi_peer_solves_the_same_problem(casadi_peer, vehicle, config, m
     problem = make_problem(config, K=K, offset=0.3)
     sqp = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
     assert casadi_peer.solve(problem).cost == pytest.approx(sqp.solve(problem).cost, rel=1e-5)
+    with pytest.raises(ValueError, match="knows no lag"):
+        CasadiSolver(dc.replace(vehicle, rotor_time_constant=0.1), config)
 
 
 @pytest.mark.parametrize(
