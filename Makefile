@@ -16,12 +16,12 @@ export MPLBACKEND := Agg
 
 venv: $(STAMP)
 
-# Without the extra `acados`: its wheel overwrites the casadi of `bench` (docs/guide/install.md).
+# Without the extra `acados`: its wheel overwrites an installed casadi (docs/guide/install.md).
 # torch first and by its exact version, so that nothing else pulls in another build of it.
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt "$$(grep '^torch==' constraints.txt)"
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,bench,logs,mcap,challenge,cluster,exports]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,logs,mcap,challenge,cluster,exports]'
 	$(BIN)/np-drake fly circle --duration 0.1 >/dev/null  # compiles the inner loops
 	touch $@
 

@@ -118,7 +118,6 @@ TIMES = (
     ("p95", "p95_ms"),
     ("p99", "p99_ms"),
     ("max", "max_ms"),
-    ("to casadi", "ratio_to_casadi"),
     ("to acados", "ratio_to_acados"),
     ("gap", lambda line: f"{line['gap_median']:.1e}"),
 )
@@ -142,7 +141,7 @@ def bench(
         float, Option(min=1.0, max=3600.0, help="Simulated time of the simulator [s].")
     ] = 40.0,
 ) -> Report:
-    """Time solvers, predictions and simulator; peers: CasADi + IPOPT (extra `bench`), acados."""
+    """Time solvers, predictions and simulator; the peer is acados."""
     if os.environ.get("OMP_NUM_THREADS") != "1":
         tell(
             "OMP_NUM_THREADS is not 1: small matrices run two to three times slower on "

@@ -13,9 +13,9 @@ every time step is 1 and nothing is scaled. One difference from problem (nmpc): 
 for every soft row, not one for every kind of set, with the same price s + s² / 10 each; where no
 set is left, both have the same optimum.
 
-`comma-deps-acados` brings a `casadi` of its own, which lies over an installed one. So acados may
-stand in a folder of its own (`pip install --no-deps --target DIR comma-deps-acados`) that
-NP_DRAKE_ACADOS names; that folder goes last on the path, behind the installed casadi.
+`comma-deps-acados` brings a slim `casadi`, which overwrites an installed one. So acados may stand
+in a separate folder (`pip install --no-deps --target DIR comma-deps-acados`) that NP_DRAKE_ACADOS
+names; that folder goes last on the path, behind an installed casadi.
 """
 
 import ctypes
@@ -30,11 +30,10 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.studies.casadi_peer import ProblemInCasadi, lifted
 from np_drake.checks import require
 from np_drake.mpc.condensed import Condensed, Trajectory, initial_trajectory
 from np_drake.mpc.horizon import Horizon
-from np_drake.mpc.objective import QUADRATIC
+from np_drake.mpc.objective import QUADRATIC, Objective
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
 from np_drake.mpc.sqp import as_solution
 from np_drake.residual_model import WrenchForecast
@@ -68,6 +67,9 @@ class AcadosSolver:
         Raises: ImportError: if acados is missing.   FileNotFoundError: without a C compiler.
             ValueError: of a vehicle whose rotors lag.
         """
+        require(
+            vehicle.rotor_time_constant == 0, f"{self.name}: the peer knows no lag of the rotors."
+        )
         self._template, self._steps = _acados_template(), steps
         require(
             shutil.which("gcc") and shutil.which("make"),
@@ -75,9 +77,6 @@ class AcadosSolver:
             FileNotFoundError,
         )
         self.condensed = Condensed(vehicle, config)
-        require(
-            vehicle.rotor_time_constant == 0, f"{self.name}: the peer knows no lag of the rotors."
-        )
         self._programs: dict[int, Any] = {}
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
@@ -131,7 +130,7 @@ def _acados_template() -> Any:
 
 def _hand_over(program: Any, h: Horizon, t: Trajectory, f: WrenchForecast) -> None:
     """Give a program the data of the problem and its initial trajectory."""
-    x, n, dims = np.hstack([t.x, lifted(f, t.x)]), len(t.T), program.acados_ocp.dims
+    x, n, dims = np.hstack([t.x, _lifted(f, t.x)]), len(t.T), program.acados_ocp.dims
     y_ref = np.pad(np.hstack([h.x_ref[:-1], h.u_ref]), ((0, 0), (0, dims.ny - 17)))
     program.reset()  # slacks and multipliers of the last solve
     program.set(n, "x", x[n])
@@ -162,13 +161,14 @@ def make_ocp(template: Any, vehicle: Vehicle, config: MpcConfig, K: int) -> Any:
     )
     forecast = A, B, C, p[ends : ends + 6]
     x, z, u = state[:13], state[13:], ca.DM(vehicle.mixer) @ T
-    parts = ProblemInCasadi(vehicle, config)
-    x_next, z_next, chi = parts.stage(x, z, u, forecast)
-    _, far = parts.end(x - p[169:182], ca.reshape(p[:169], 13, 13))
+    x_next, z_next, chi = _stage(ca, vehicle, config.step, x, z, u, forecast)
+    e, P = x - p[169:182], ca.reshape(p[:169], 13, 13)
+    far = ca.sqrt(ca.bilin(P, e, e) / P[0, 0] + Objective(config).softening)
     swing = [config.weight_swing] * 2 if config.weight_swing > 0 else []
     y = ca.vertcat(x, u, *([chi[:2]] if swing else []))  # half its squares and those of x_N cost
     W, y_ref = 2 * np.diag([*config.Q, *config.R, *swing]), np.zeros(17 + len(swing))
-    upright, speed, cosine = parts.upright(x), np.full(3, config.max_speed), np.cos(config.max_tilt)
+    upright = x[3] ** 2 - x[4] ** 2 - x[5] ** 2 + x[6] ** 2  # the cosine of the tilt
+    speed, cosine = np.full(3, config.max_speed), np.cos(config.max_tilt)
     _fill(
         ocp.model,
         **{"name": f"np_drake_{K}_{id(ocp)}", "x": state, "u": T, "p": p},
@@ -208,3 +208,38 @@ def make_ocp(template: Any, vehicle: Vehicle, config: MpcConfig, K: int) -> Any:
 def _fill(part: Any, **values: Any) -> None:
     for name, value in values.items():
         setattr(part, name, value)
+
+
+def _stage(ca: Any, vehicle: Vehicle, h: float, x, z, u, forecast):
+    """Return x (13,) and z (K,) of the next stage, `h` later [s], and chi (6,) of this one."""
+    A, B, C, offset = forecast
+    chi = offset + (C @ z if z.numel() else 0)
+    k1 = _derivative(ca, vehicle, x, u, chi)  # classical Runge-Kutta
+    k2 = _derivative(ca, vehicle, x + h / 2 * k1, u, chi)
+    k3 = _derivative(ca, vehicle, x + h / 2 * k2, u, chi)
+    k4 = _derivative(ca, vehicle, x + h * k3, u, chi)
+    x_next = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return x_next, A @ z + B @ x[7:13] if z.numel() else z, chi
+
+
+def _derivative(ca: Any, vehicle: Vehicle, state, u, chi):
+    """Return eq. (1) in CasADi's symbols."""
+    w, x, y, z = (state[3 + i] for i in range(4))
+    v, rate = state[7:10], state[10:13]
+    axis = ca.vertcat(2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z)
+    J = ca.DM(vehicle.J)
+    dv = (u[0] * axis + chi[0:3]) / vehicle.mass - ca.DM([0.0, 0.0, vehicle.gravity])
+    dw = ca.DM(np.linalg.inv(vehicle.J)) @ (u[1:4] + chi[3:6] - ca.cross(rate, J @ rate))
+    a, b, c = rate[0], rate[1], rate[2]
+    dq = 0.5 * ca.vertcat(
+        -x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a
+    )
+    return ca.vertcat(v, dq, dv, dw)
+
+
+def _lifted(forecast: WrenchForecast, x: np.ndarray) -> np.ndarray:
+    """Return the lifted states (n, K) along a trajectory (n, 13)."""
+    z = [forecast.z]
+    for state in x[:-1]:
+        z.append(forecast.A @ z[-1] + forecast.B @ state[7:13])
+    return np.array(z)

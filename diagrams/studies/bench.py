@@ -14,7 +14,6 @@ from diagrams.loop.controllers import make_residual_model
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator, recorded
 from diagrams.studies.acados_peer import AcadosSolver
-from diagrams.studies.casadi_peer import CasadiSolver
 from diagrams.studies.sweep import Row, configure
 from np_drake.labels import LabelFilter, labelled
 from np_drake.mpc.controller import shift
@@ -33,20 +32,18 @@ from np_drake.vehicle import Vehicle
 
 _BLOCK = 20  # problems that a solver takes in a row [1]
 _WARM_UP = 3  # untimed solves of the first problem
-PEERS = ("casadi", "acados")  # names of the solvers that ratios refer to
 _log = logging.getLogger(__name__)
 
 
 def make_solvers(vehicle: Vehicle, config: MpcConfig) -> list[MpcSolver]:
-    """Return IPOPT, SQP with one and two steps, and the peers that can run on this machine."""
+    """Return IPOPT, SQP with one and two steps, and acados where it can run."""
     one, two = (SqpSolver(vehicle, config, steps=k, time_limit=np.inf) for k in (1, 2))
     two.name = "sqp_2"
     solvers: list[MpcSolver] = [IpoptCondensedSolver(vehicle, config, time_limit=np.inf), one, two]
-    for peer in (CasadiSolver, AcadosSolver):
-        try:
-            solvers.append(peer(vehicle, config))
-        except (ImportError, FileNotFoundError) as reason:
-            _log.info("%s", reason)
+    try:
+        solvers.append(AcadosSolver(vehicle, config))
+    except (ImportError, FileNotFoundError) as reason:
+        _log.info("%s", reason)
     return solvers
 
 
@@ -72,7 +69,7 @@ def run(
         time, "failures": problems without a usable answer, "fallbacks": with an answer that is not
         the method's own, "gap_median", "gap_max": relative cost above the best known optimum, over
         answered problems [1], "violation_max": of the soft sets [in each set's unit],
-        "ratio_to_casadi", "ratio_to_acados": of median times [1]; None where the peer did not run}.
+        "ratio_to_acados": of median times [1]; None where acados did not run}.
     """
     for solver in solvers:
         for _ in range(_WARM_UP):
@@ -94,10 +91,9 @@ def run(
         for j, solver in enumerate(solvers)
     ]
     medians = {report["name"]: report["median_ms"] for report in reports}
+    acados = medians.get(AcadosSolver.name)
     for report in reports:
-        for name in PEERS:
-            known = name in medians
-            report[f"ratio_to_{name}"] = report["median_ms"] / medians[name] if known else None
+        report["ratio_to_acados"] = report["median_ms"] / acados if acados else None
     return reports
 
 

@@ -1,17 +1,14 @@
-"""Laws of the peers on acados and CasADi; skipped without them."""
+"""Laws of the peer on acados; what needs acados is skipped without it."""
 
 import dataclasses as dc
 import importlib.util
-import sys
 
 import numpy as np
 import pytest
 
 from diagrams.studies.acados_peer import FOLDER, AcadosSolver
-from diagrams.studies.casadi_peer import CasadiSolver, ProblemInCasadi
 from np_drake.mpc.controller import shift
 from np_drake.mpc.sqp import SqpSolver
-from np_drake.rigid_body import state_derivative
 
 
 def peer(vehicle, config, **how):
@@ -41,39 +38,13 @@ def test_one_iteration_is_our_sqp_step(vehicle, config, make_problem):
     assert theirs.solve_time > 0.0
 
 
-@pytest.fixture(scope="module")
-def casadi_peer(vehicle, config):
-    pytest.importorskip("casadi", reason="optional extra `bench`", exc_type=ImportError)
-    return CasadiSolver(vehicle, config)
-
-
-def test_the_casadi_peer_flies_eq_1(casadi_peer, vehicle, config):
-    import casadi
-
-    x, u, chi = (casadi.SX.sym("v", n) for n in (13, 4, 6))
-    f = casadi.Function("f", [x, u, chi], [ProblemInCasadi(vehicle, config).derivative(x, u, chi)])
-    rng = np.random.default_rng(0)
-    values = [rng.normal(size=n) for n in (13, 4, 6)]
-    np.testing.assert_allclose(
-        np.array(f(*values)).ravel(), state_derivative(vehicle, *values), atol=1e-12
-    )
-
-
-@pytest.mark.parametrize("K", [0, 24])
-def test_the_casadi_peer_solves_the_same_problem(casadi_peer, vehicle, config, make_problem, K):
-    problem = make_problem(config, K=K, offset=0.3)
-    sqp = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
-    assert casadi_peer.solve(problem).cost == pytest.approx(sqp.solve(problem).cost, rel=1e-5)
+def test_a_vehicle_whose_rotors_lag_is_refused(vehicle, config):
     with pytest.raises(ValueError, match="knows no lag"):
-        CasadiSolver(dc.replace(vehicle, rotor_time_constant=0.1), config)
+        AcadosSolver(dc.replace(vehicle, rotor_time_constant=0.1), config)
 
 
-@pytest.mark.parametrize(
-    "peer, remedy", [(AcadosSolver, "comma-deps-acados"), (CasadiSolver, r"np_drake\[bench\]")]
-)
-def test_a_peer_names_what_it_lacks(vehicle, config, monkeypatch, peer, remedy):
+def test_the_peer_names_what_it_lacks(vehicle, config, monkeypatch):
     monkeypatch.delenv(FOLDER, raising=False)
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    monkeypatch.setitem(sys.modules, "casadi", None)
-    with pytest.raises(ImportError, match=remedy):
-        peer(vehicle, config)
+    with pytest.raises(ImportError, match="comma-deps-acados"):
+        AcadosSolver(vehicle, config)
