@@ -6,8 +6,10 @@ import dataclasses as dc
 import hashlib
 import math
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
+import yaml
 
 from diagrams.challenge.out_of_library import DEVELOPMENT, DRAWS, HOLDOUT
 from diagrams.challenge.plans import Plan, draw_plans
@@ -43,75 +45,8 @@ EQUIVALENT = (
     {"center_of_mass_offset", "weak_rotor", "suspended_payload"},
     {"mass_error", "suspended_payload"},
 )
-
-
-VEHICLES: tuple[Vehicle, ...] = (
-    Vehicle(),
-    Vehicle(
-        name="racer",
-        mass=0.75,
-        inertia=[[0.0025, 0.0, 0.0], [0.0, 0.0021, 0.0], [0.0, 0.0, 0.0043]],
-        rotor_positions=[
-            [0.075, 0.1, 0.0],
-            [0.075, -0.1, 0.0],
-            [-0.075, -0.1, 0.0],
-            [-0.075, 0.1, 0.0],
-        ],
-        thrust_coefficient=1.6e-6,
-        torque_coefficient=2.2e-8,
-        rotor_radius=0.065,
-        max_rotor_thrust=7.0,
-        rotor_time_constant=0.03,
-    ),
-    Vehicle(
-        name="mapper",
-        mass=1.2,
-        inertia=[[0.0105, 0.0, 0.0], [0.0, 0.0118, 0.0], [0.0, 0.0, 0.0205]],
-        rotor_positions=[
-            [0.15, 0.165, 0.02],
-            [0.15, -0.165, 0.02],
-            [-0.15, -0.165, 0.02],
-            [-0.15, 0.165, 0.02],
-        ],
-        thrust_coefficient=8.5e-6,
-        torque_coefficient=1.5e-7,
-        rotor_radius=0.115,
-        max_rotor_thrust=7.5,
-        rotor_time_constant=0.02,
-    ),
-    Vehicle(
-        name="carrier",
-        mass=3.2,
-        inertia=[[0.046, 0.0, 0.0], [0.0, 0.051, 0.0], [0.0, 0.0, 0.088]],
-        rotor_positions=[
-            [0.2, 0.21, 0.0],
-            [0.2, -0.21, 0.0],
-            [-0.2, -0.21, 0.0],
-            [-0.2, 0.21, 0.0],
-        ],
-        rotor_directions=[-1.0, 1.0, -1.0, 1.0],
-        thrust_coefficient=2.4e-5,
-        torque_coefficient=4.3e-7,
-        rotor_radius=0.15,
-        max_rotor_thrust=19.0,
-        rotor_time_constant=0.04,
-    ),
-    Vehicle(
-        name="compact",
-        mass=1.5,
-        inertia=[[0.0095, 0.0, 0.0], [0.0, 0.0088, 0.0], [0.0, 0.0, 0.0165]],
-        rotor_positions=[
-            [0.11, 0.13, 0.0],
-            [0.11, -0.13, 0.0],
-            [-0.11, -0.13, 0.0],
-            [-0.11, 0.13, 0.0],
-        ],
-        thrust_coefficient=7.0e-6,
-        torque_coefficient=1.2e-7,
-        rotor_radius=0.09,
-        max_rotor_thrust=9.5,
-    ),
-)
+_OTHERS = yaml.safe_load(Path(__file__).with_name("vehicles.yaml").read_text(encoding="utf-8"))
+VEHICLES = (Vehicle(), *(Vehicle(**fields) for fields in _OTHERS))
 
 
 def draw_effect(

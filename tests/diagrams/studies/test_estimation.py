@@ -53,8 +53,7 @@ def test_published_lengths_follow_from_published_components():
     assert set(PUBLISHED) == set(TESTS.values())
     assert len([rows for rows in PUBLISHED.values() if "NP" in rows]) == 6
     for flight, rows in PUBLISHED.items():
-        for method, values in rows.items():
-            row = dict(zip(COLUMNS, values, strict=True))
+        for method, row in rows.items():
             for kind in ("F", "tau"):
                 x, y, z = (row[f"{kind}_{axis}"] for axis in "xyz")
                 if (flight, method, kind) not in PRINTED_SO:
@@ -71,10 +70,10 @@ def test_every_cell_of_the_paper_stands_beside_ours(folder, tmp_path, capsys):
     assert len(cells) == len(content["table"]) == 30
     for flight in FLOWN:
         rows = PUBLISHED[flight]
-        for place, column in enumerate(COLUMNS):
+        for column in COLUMNS:
             line = cells[flight, column]
-            assert line["paper"] == (rows["NP"][place] if "NP" in rows else None)
-            assert line["NeuroMHE"] == rows["NeuroMHE"][place]
+            assert line["paper"] == (rows["NP"][column] if "NP" in rows else None)
+            assert line["NeuroMHE"] == rows["NeuroMHE"][column]
             assert cells[OWN, column]["NeuroMHE"] is None
             assert {"ours", "ours_paper", "NeuroBEM", "persistence", "linear"} <= set(line)
     assert set(content["at_or_below_the_paper"]) == {"np: paper", "np", "persistence", "linear"}
