@@ -3,12 +3,10 @@ next; a pure function of its memory.
 """
 
 import dataclasses as dc
-import math
 import time
 
 import numpy as np
 
-from np_drake.compiled import compiled
 from np_drake.mpc.dynamics import Actuation
 from np_drake.mpc.problem import (
     MpcConfig,
@@ -18,9 +16,9 @@ from np_drake.mpc.problem import (
     MpcStatus,
     SolverFailure,
 )
-from np_drake.references.flatness import body_rates, targets
+from np_drake.references.flatness import targets
 from np_drake.residual_model import WrenchForecast, constant_forecast
-from np_drake.rigid_body import W
+from np_drake.rigid_body import Q, W, zeta
 from np_drake.rotor_input import lag_shares
 from np_drake.vehicle import Vehicle
 
@@ -96,8 +94,8 @@ class MpcController:
         forecast = forecast if by.loop is None else forecast.force_alone()
         x = x if forecast.start is None else forecast.start
         chi = np.zeros((N + 1, 6))
-        w_ref = body_rates(self.vehicle, flat[:, :N])
-        chi[:N] = forecast.rollout(np.concatenate([flat[1, :N], w_ref], axis=1))
+        undisturbed = targets(self.vehicle, flat, chi)[0]
+        chi[:N] = forecast.rollout(zeta(undisturbed[:N]))
         chi[N] = chi[N - 1]
         x_ref, u_ref = targets(self.vehicle, flat, chi)
         u_ref = by.saturate(by.driving(self.vehicle, x_ref[:N], u_ref[:N]))
@@ -180,7 +178,7 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
         )
     whole, part = _split(elapsed / step)
     x = _blend(plan.x, whole, part)
-    _normalise_quaternions(x)
+    x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
     return MpcSolution(
         u=_blend(plan.u, whole, part),
         x=x,
@@ -202,29 +200,9 @@ def _split(ratio: float) -> tuple[int, float]:
 
 
 def _blend(values: np.ndarray, whole: int, part: float) -> np.ndarray:
-    out = np.empty(np.shape(values))
-    _blend_rows(np.ascontiguousarray(values, float), whole, part, out)
-    return out
-
-
-@compiled
-def _blend_rows(values, whole, part, out):
-    """Write rows (n, m) as seen `whole` steps and a share `part` of one later; beyond the end the
+    """Return rows (n, m) as seen `whole` steps and a share `part` of one later; beyond the end the
     last row holds.
     """
     last = len(values) - 1
-    for i in range(len(values)):
-        now, later = min(i + whole, last), min(i + whole + 1, last)
-        for c in range(values.shape[1]):
-            out[i, c] = (1 - part) * values[now, c] + part * values[later, c]
-
-
-@compiled
-def _normalise_quaternions(x):
-    """Scale the quaternions of states x (n, 13) to unit length, in place."""
-    for i in range(len(x)):
-        size = math.sqrt(
-            x[i, 3] * x[i, 3] + x[i, 4] * x[i, 4] + x[i, 5] * x[i, 5] + x[i, 6] * x[i, 6]
-        )
-        for c in range(3, 7):
-            x[i, c] /= size
+    now = np.minimum(np.arange(len(values)) + whole, last)
+    return (1 - part) * values[now] + part * values[np.minimum(now + 1, last)]

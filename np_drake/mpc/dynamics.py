@@ -129,11 +129,10 @@ class Actuation:
 
 @dc.dataclass(frozen=True)
 class Linearisation:
-    """Arrays x_next (N, 13), Fx = dF/d[x, chi] (N, 13, 19) and Fu = dF/du (N, 13, 4) of the
-    discrete dynamics.
+    """Jacobians Fx = dF/d[x, chi] (N, 13, 19) and Fu = dF/du (N, 13, 4) of the discrete
+    dynamics.
     """
 
-    x_next: np.ndarray
     Fx: np.ndarray
     Fu: np.ndarray
 
@@ -162,7 +161,7 @@ class DiscreteDynamics:
         )
 
     def linearise(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> Linearisation:
-        """Return value and Jacobians at N stages.
+        """Return the Jacobians at N stages.
 
         Args:
             x: (N, 13) states.
@@ -170,11 +169,10 @@ class DiscreteDynamics:
             chi: (N, 6) wrenches [N, N·m].
         """
         n = len(x)
-        result = Linearisation(
-            np.empty((n, STATE_SIZE)), np.zeros((n, STATE_SIZE, 19)), np.zeros((n, STATE_SIZE, 4))
-        )
+        result = Linearisation(np.zeros((n, STATE_SIZE, 19)), np.zeros((n, STATE_SIZE, 4)))
         x, u, chi = (np.ascontiguousarray(value, float) for value in (x, u, chi))
-        _linearise(x, u, chi, *self._body, result.x_next, result.Fx, result.Fu)
+        step, mass, _, *rotation = self._body  # gravity is in no Jacobian
+        _linearise(x, u, chi, step, mass, *rotation, result.Fx, result.Fu)
         return result
 
     def advance(self, x: ArrayLike, u: ArrayLike, chi: ArrayLike) -> np.ndarray:
@@ -272,11 +270,9 @@ def _rollout(x, u, chi, markov, step, mass, gravity, J, J_inv, damping):
 
 
 @compiled
-def _linearise(x, u, chi, step, mass, gravity, J, J_inv, damping, x_next, Fx, Fu):
-    """Write value (N, 13) and Jacobians over [x, chi] (N, 13, 19) and u (N, 13, 4) of a step from
-    each x (N, 13).
-
-    The Jacobians come zeroed.
+def _linearise(x, u, chi, step, mass, J, J_inv, damping, Fx, Fu):
+    """Write the Jacobians over [x, chi] (N, 13, 19) and u (N, 13, 4), which come zeroed, of a step
+    from each x (N, 13).
     """
     D = np.zeros((7, 10))  # d(q, w) of the current stage over (q, w, tau) at its start
     rate, total = np.zeros((7, 10)), np.zeros((7, 10))
@@ -284,7 +280,6 @@ def _linearise(x, u, chi, step, mass, gravity, J, J_inv, damping, x_next, Fx, Fu
     z, in_v, in_p = np.zeros((3, 10)), np.zeros((3, 10)), np.zeros((3, 10))
     sixth = step / 6
     for n in range(len(x)):
-        _advance(x[n], u[n], chi[n], step, mass, gravity, J, J_inv, damping, x_next[n])
         r = np.zeros(7)
         r[:4], r[4:] = x[n, 3:7], x[n, 10:13]
         start = r.copy()

@@ -27,16 +27,6 @@ from np_drake.mpc.problem import MpcConfig
 LATERAL = slice(0, 2)  # f_x and f_y within chi
 
 
-def swing_cost(chi: np.ndarray, weight: float) -> float:
-    """Return the cost of the lateral force in a predicted wrench [1].
-
-    Args:
-        chi: (N, 6) [N, N·m].
-        weight: [1/N²].
-    """
-    return float(weight * np.sum(chi[:, LATERAL] ** 2))
-
-
 def lateral_response(h: Horizon, S: np.ndarray) -> np.ndarray:
     """Return d(f_x, f_y)_i over the rotor thrusts, (N, 2, 4N) [1].
 
@@ -98,7 +88,7 @@ class Objective:
             chi: (N, 6) [N, N·m].
         """
         tracking = _tracking_cost(x, h.x_ref, u, h.u_ref, self._Q, self._R, h.P)
-        return float(tracking) + swing_cost(chi, self.config.weight_swing)
+        return float(tracking + self.config.weight_swing * np.sum(chi[:, LATERAL] ** 2))
 
     def excess(self, h: Horizon, x: np.ndarray) -> np.ndarray:
         """Return by how much x_1 … x_N leave the sets, (4N+1,): 3N velocities, N tilts, the

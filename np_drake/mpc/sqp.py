@@ -8,9 +8,8 @@ steps, each a condensed quadratic program.
     s >= 0
 
 Methods in order, the answer of each verified before it is used: the box alone by an active-set
-iteration (exact, and one round where nothing is active), by OSQP where that cycles; the rows near
-activity, with Clarabel (on infeasible starts its p95 is a fifth of OSQP's). The programs are built
-once and updated.
+iteration (exact, and one round where nothing is active); the rows near activity, and a box on which
+that iteration cycles, with Clarabel. The programs are built once and updated.
 """
 
 import contextlib
@@ -21,7 +20,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from pydrake.solvers import ClarabelSolver, MathematicalProgram, OsqpSolver, SolverId, SolverOptions
+from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverId, SolverOptions
 from scipy.linalg import blas, lapack
 
 from np_drake.compiled import finite
@@ -36,15 +35,6 @@ _BACKTRACKS = 5  # step sizes that are tried, each 0.35 of the last; own choice 
 # Of the cost: how far the local model may miss the true decrease before another step
 _TOLERANCE = 3e-3
 _SETTLED = 1e-3  # of the tolerance: further steps would change nothing
-_OSQP = {
-    "polishing": 0,
-    "eps_abs": 1e-5,
-    "eps_rel": 1e-5,
-    "max_iter": 1000,
-    "check_termination": 10,
-    "adaptive_rho_interval": 25,
-    "scaling": 0,
-}
 _CLARABEL = {
     "tol_gap_abs": 1e-5,
     "tol_gap_rel": 1e-6,
@@ -188,14 +178,11 @@ class QpSolver:
         slack_weight: price of the slacks [1 per unit of the set].
     """
 
-    def __init__(
-        self, size: int, rows: int, slack_weight: float, critical_rows: int = _CRITICAL_ROWS
-    ):
-        self._osqp, self._clarabel = OsqpSolver(), ClarabelSolver()
-        self._options = solver_options({OsqpSolver.id(): _OSQP, ClarabelSolver.id(): _CLARABEL})
-        self._box, self._weight = BoxProgram(size), slack_weight
+    def __init__(self, size: int, rows: int, slack_weight: float):
+        self._clarabel, self._weight = ClarabelSolver(), slack_weight
+        self._options = solver_options({ClarabelSolver.id(): _CLARABEL})
         self._soft = [
-            SoftProgram(size, m, slack_weight) for m in sorted({min(rows, critical_rows), rows})
+            SoftProgram(size, m, slack_weight) for m in sorted({min(rows, _CRITICAL_ROWS), rows})
         ]
 
     def solve(
@@ -214,13 +201,11 @@ class QpSolver:
         rows, curvature = model.rows, model.curvature
         if not (finite(curvature.hessian) and finite(rows.jacobian)):
             return Step(np.zeros_like(lower), 0.0)  # a tumble that overflows: no model to go by
-        d = active_set(curvature, model.gradient, lower, upper)
-        if d is None:  # cycled: the clipped Newton step tells whether the soft rows matter
-            H = curvature.full
-            d = np.clip(np.linalg.lstsq(H, -model.gradient)[0], lower, upper)
-            if not rows.slacks(d).any():
-                d = self._solve_box(H, model.gradient, lower, upper, d)
-        if rows.slacks(d).any():
+        exact = active_set(curvature, model.gradient, lower, upper)
+        d = exact
+        if d is None:  # cycled: the clipped Newton step tells which soft rows matter
+            d = np.clip(np.linalg.lstsq(curvature.full, -model.gradient)[0], lower, upper)
+        if exact is None or rows.slacks(d).any():
             d = self._solve_soft(model, lower, upper, d, deadline)
         return Step(d, self._decrease(model, d, rows))
 
@@ -229,11 +214,6 @@ class QpSolver:
         gain = penalty(before, self._weight) - penalty(after, self._weight)
         bend = d @ blas.dsymv(1.0, model.curvature.hessian, d, lower=1)
         return float(gain - model.gradient @ d - 0.5 * bend)
-
-    def _solve_box(self, H, g, lower, upper, guess) -> np.ndarray:
-        self._box.update(H, g, lower, upper)
-        d = self._osqp.Solve(self._box.prog, guess, self._options).GetSolution(self._box.d)
-        return np.clip(d, lower, upper) if np.isfinite(d).all() else guess
 
     def _solve_soft(self, model, lower, upper, d, deadline) -> np.ndarray:
         """Solve with the rows nearest to activity; with all, where those left out would take half
@@ -295,34 +275,9 @@ def active_set(
     return None
 
 
-class BoxProgram:
-    """Quadratic program min d'Hd/2 + g'd over a box."""
-
-    def __init__(self, size: int):
-        self.prog: Any = MathematicalProgram()  # the stubs' arrays do not admit NumPy's own
-        self.d = self.prog.NewContinuousVariables(size, "d")
-        self._cost = self.prog.AddQuadraticCost(
-            np.eye(size), np.zeros(size), self.d, is_convex=True
-        ).evaluator()
-        self._box = self.prog.AddBoundingBoxConstraint(
-            np.zeros(size), np.zeros(size), self.d
-        ).evaluator()
-
-    def update(self, H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
-        """Replace the data and keep the structure.
-
-        Args:
-            H: (n, n).
-            g: (n,).
-            lower: (n,) least d [N].
-            upper: (n,) largest [N].
-        """
-        self._cost.UpdateCoefficients(H, g, 0.0, is_convex=True)
-        self._box.set_bounds(lower, upper)
-
-
-class SoftProgram(BoxProgram):
-    """Quadratic program over a box with a fixed number of soft rows and one slack a kind.
+class SoftProgram:
+    """Quadratic program min d'Hd/2 + g'd over a box with a fixed number of soft rows and one slack
+    a kind.
 
     Args:
         size: of the step d [1].
@@ -331,9 +286,16 @@ class SoftProgram(BoxProgram):
     """
 
     def __init__(self, size: int, rows: int, slack_weight: float):
-        super().__init__(size)
         self.rows, self._size = rows, size
+        self.prog: Any = MathematicalProgram()  # the stubs' arrays do not admit NumPy's own
+        self.d = self.prog.NewContinuousVariables(size, "d")
         s = self.prog.NewContinuousVariables(KINDS, "s")
+        self._cost = self.prog.AddQuadraticCost(
+            np.eye(size), np.zeros(size), self.d, is_convex=True
+        ).evaluator()
+        self._box = self.prog.AddBoundingBoxConstraint(
+            np.zeros(size), np.zeros(size), self.d
+        ).evaluator()
         self.prog.AddBoundingBoxConstraint(0, np.inf, s)
         self.prog.AddQuadraticCost(
             2 * QUADRATIC * slack_weight * np.eye(KINDS),
@@ -348,7 +310,9 @@ class SoftProgram(BoxProgram):
             self._D, self._low, np.zeros(rows), variables
         ).evaluator()
 
-    def update(self, H, g, lower, upper, rows: SoftRows | None = None) -> None:
+    def update(
+        self, H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray, rows: SoftRows
+    ) -> None:
         """Replace the data and keep the structure.
 
         Args:
@@ -357,11 +321,11 @@ class SoftProgram(BoxProgram):
             lower: (n,) least d [N].
             upper: (n,) largest [N].
         """
-        super().update(H, g, lower, upper)
-        if rows is not None:
-            self._D[:, : self._size] = rows.jacobian
-            self._D[:, self._size :] = -np.eye(KINDS)[rows.kind]
-            self._rows.UpdateCoefficients(self._D, self._low, -rows.excess)
+        self._cost.UpdateCoefficients(H, g, 0.0, is_convex=True)
+        self._box.set_bounds(lower, upper)
+        self._D[:, : self._size] = rows.jacobian
+        self._D[:, self._size :] = -np.eye(KINDS)[rows.kind]
+        self._rows.UpdateCoefficients(self._D, self._low, -rows.excess)
 
 
 def solver_options(options: Mapping[SolverId, Mapping[str, float | int | str]]) -> Any:

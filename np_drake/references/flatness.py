@@ -32,18 +32,6 @@ def targets(vehicle: Vehicle, flat: np.ndarray, chi: np.ndarray) -> tuple[np.nda
     return x, u
 
 
-def body_rates(vehicle: Vehicle, flat: np.ndarray) -> np.ndarray:
-    """Return w_WB_B (n, 3) of a reference motion without any wrench [rad/s].
-
-    Args:
-        flat: (5, n, 3) p, v, a, jerk, snap in W.
-    """
-    flat = np.ascontiguousarray(flat, float)
-    w = np.empty((flat.shape[1], 3))
-    _rates(flat, float(vehicle.gravity), w)
-    return w
-
-
 @compiled
 def _attitude_and_rate(f_x, f_y, f_z, r_x, r_y, r_z):
     """Return quaternion and body rate [rad/s] of a thrust f in W and its rate r, component by
@@ -108,24 +96,3 @@ def _follow(flat, chi, mass, gravity, J, delta, x, u):
             for axis in range(3):
                 turn += J[row, axis] * (later[4 + axis] - sooner[4 + axis])
             u[i, 1 + row] += turn / (2 * delta) - chi[i, 3 + row]
-
-
-@compiled
-def _rates(flat, gravity, w):
-    """Write the body rates that follow a motion without any wrench.
-
-    Args:
-        flat: (5, n, 3).
-        gravity: [m/s²].
-        w: (n, 3) is written [rad/s].
-    """
-    for i in range(flat.shape[1]):
-        found = _attitude_and_rate(
-            flat[2, i, 0],
-            flat[2, i, 1],
-            flat[2, i, 2] + gravity,
-            flat[3, i, 0],
-            flat[3, i, 1],
-            flat[3, i, 2],
-        )
-        w[i, 0], w[i, 1], w[i, 2] = found[4], found[5], found[6]

@@ -33,10 +33,10 @@ def test_value_is_one_runge_kutta_step_of_eq_1(seed, skewed):
     vehicle = SKEWED if skewed else Vehicle().check()
     x, u, chi = random_stages(seed)
     dut = DiscreteDynamics(vehicle, STEP)
-    expected = runge_kutta(vehicle, x, u, chi)
-    np.testing.assert_allclose(dut.linearise(x, u, chi).x_next, expected, atol=1e-11)  # round-off
-    single = dut.advance(x[0].tolist(), u[0].tolist(), chi[0].tolist())
-    np.testing.assert_allclose(single, expected[0], atol=1e-11)  # round-off
+    found = [
+        dut.advance(*stage) for stage in zip(x.tolist(), u.tolist(), chi.tolist(), strict=True)
+    ]
+    np.testing.assert_allclose(found, runge_kutta(vehicle, x, u, chi), atol=1e-11)  # round-off
 
 
 @pytest.mark.parametrize("vehicle", [Vehicle().check(), SKEWED])

@@ -110,7 +110,7 @@ def test_the_step_minimises_the_model(seed, level):
     )
 
 
-def test_osqp_takes_over_where_the_active_set_cycles(monkeypatch):
+def test_clarabel_takes_over_where_the_active_set_cycles(monkeypatch):
     model = random_model(1, level=-20.0)
     lower, upper = np.full(12, -0.1), np.full(12, 0.1)
     dut = qp.QpSolver(12, 9, WEIGHT)
