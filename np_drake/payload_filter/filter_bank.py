@@ -104,23 +104,10 @@ class PendulumBank:
             label: (3,) force per mass, NaN where there is none [m/s²].
             variance: (3,) of its noise [m²/s⁴].
         """
-        mean, covariance, weight = (
-            np.empty_like(memory[name]) for name in ("mean", "covariance", "weight")
+        mean, covariance, weight = mix_bank(
+            memory["mean"], memory["covariance"], memory["weight"], self._transition, self._rise
         )
-        mix_bank(
-            memory["mean"],
-            memory["covariance"],
-            memory["weight"],
-            self._transition,
-            self._rise,
-            mean,
-            covariance,
-            weight,
-        )
-        predicted, spread = np.empty_like(mean), np.empty_like(covariance)
-        updated, narrowed = np.empty_like(mean), np.empty_like(covariance)
-        likelihood, distance = np.empty_like(weight), np.empty_like(weight)
-        kernel.filter_bank(
+        predicted, spread, updated, narrowed, likelihood, distance = kernel.filter_bank(
             mean,
             covariance,
             drive,
@@ -131,12 +118,6 @@ class PendulumBank:
             self._noise,
             label,
             variance,
-            predicted,
-            spread,
-            updated,
-            narrowed,
-            likelihood,
-            distance,
         )
         if not finite(label):
             return {"mean": predicted, "covariance": spread, "weight": weight}
@@ -144,18 +125,16 @@ class PendulumBank:
             return self._anew(predicted, spread)
         if not (finite(updated) and finite(narrowed)):
             return self.initial_memory()
-        weighed, stay = np.empty_like(weight), float(np.exp(-self.step * self.options.change))
-        weigh_bank(
+        weight = weigh_bank(
             weight,
             likelihood,
             updated,
             self._prior,
             self._deviation,
             self._first_weight,
-            stay,
-            weighed,
+            float(np.exp(-self.step * self.options.change)),
         )
-        return {"mean": updated, "covariance": narrowed, "weight": weighed}
+        return {"mean": updated, "covariance": narrowed, "weight": weight}
 
     def _anew(self, mean: np.ndarray, covariance: np.ndarray) -> Memory:
         """Return the memory after a sample that no member explains: payload and swing are

@@ -20,8 +20,9 @@ from np_drake.payload_filter.kernel import (
 
 
 @compiled
-def drives(before, x, hook, over_step, now, step, drive, end):
-    """Write what moves a pendulum over a step (9,) and at its end (9,), as of `kernel.filter_bank`.
+def drives(before, x, hook, over_step, now, step):
+    """Return what moves a pendulum over a step (9,) and at its end (9,), as of
+    `kernel.filter_bank`.
 
     Args:
         before: (13,) state at the step's start.
@@ -30,9 +31,8 @@ def drives(before, x, hook, over_step, now, step, drive, end):
         over_step: mean collective thrust of the step, per mass [m/s²].
         now: that at its end [m/s²].
         step: [s].
-        drive: (9,) to be written.
-        end: (9,) as well.
     """
+    drive, end = np.empty(9), np.empty(9)
     first, last, z, z_last = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     _turning(before, hook, first)
     _turning(x, hook, last)
@@ -43,6 +43,7 @@ def drives(before, x, hook, over_step, now, step, drive, end):
         v, v_last = before[7 + k] + first[k], x[7 + k] + last[k]
         drive[3 + k], end[3 + k] = 0.5 * (v + v_last), v_last
         drive[6 + k] = end[6 + k] = (last[k] - first[k]) / step
+    return drive, end
 
 
 @compiled
@@ -62,9 +63,8 @@ def along_plan(
     stride,
     mean_decay,
     decay,
-    wrench,
 ):
-    """Write the wrench (N, 6) along a plan, the mean of all members over each of its steps [N,
+    """Return the wrench (N, 6) along a plan, the mean of all members over each of its steps [N,
     N·m].
 
     Args:
@@ -83,9 +83,9 @@ def along_plan(
         stride: of the pendulum's steps in it [1].
         mean_decay: share of a difference that the rotors' lag leaves over a step [1].
         decay: at its end [1].
-        wrench: (N, 6) to be written.
     """
     n, members = len(u), len(points)
+    wrench = np.empty((n, 6))
     mean = np.zeros(points.shape[1])
     for i in range(members):
         mean += weight[i] * points[i]
@@ -104,6 +104,7 @@ def along_plan(
         start = motion_torque(x[i], rate_torque, speed_torque)
         end = motion_torque(x[i + 1], rate_torque, speed_torque)
         wrench[i, 3:] += lag[1:] + steady + 0.5 * (start + end)
+    return wrench
 
 
 @compiled
@@ -181,12 +182,9 @@ def _hook_torque(q, hook, force, out):
 
 
 @compiled
-def beside_plan(mean, x, hook, mass, gravity, step, A_out, B_out, C, out):
-    """Write A (4, 4), B (4, 6) and C (6, 4), which come zeroed, of the pendulum for what departs
-    from the plan.
-
-    From `out` (N, 6), the wrench along the plan [N, N·m], it takes what the pendulum makes of the
-    planned velocity.
+def beside_plan(mean, x, hook, mass, gravity, step, along):
+    """Return A (4, 4), B (4, 6) and C (6, 4) of the pendulum for what departs from the plan, and
+    the wrench along it (N, 6) without what the pendulum makes of the planned velocity [N, N·m].
 
     Args:
         mean: (POINT,) of the members.
@@ -195,14 +193,11 @@ def beside_plan(mean, x, hook, mass, gravity, step, A_out, B_out, C, out):
         mass: of the vehicle [kg].
         gravity: [m/s²].
         step: of the plan [s].
-        A_out: (4, 4) for A.
-        B_out: (4, 6) for B.
-        C: (6, 4).
-        out: (N, 6) wrench, which is changed [N, N·m].
+        along: (N, 6) wrench along the plan [N, N·m].
     """
     stiffness = gravity / math.exp(mean[LOG_LENGTH])
     A, B, gain = linear_pendulum(stiffness, max(mean[DAMPING], 0.0), step)
-    A_out[:], B_out[:] = A, B
+    C, out = np.zeros((6, 4)), along.copy()
     for k in range(2):
         C[k, k] = mass * max(mean[MASS], 0.0) * stiffness
         _hook_torque(x[0, 3:7], hook, C[:3, k], C[:, k])
@@ -216,6 +211,7 @@ def beside_plan(mean, x, hook, mass, gravity, step, A_out, B_out, C, out):
         for j in range(6):
             for k in range(4):
                 out[i, j] -= C[j, k] * z[k]
+    return A, B, C, out
 
 
 @compiled

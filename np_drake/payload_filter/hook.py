@@ -22,6 +22,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.compiled import compiled
+from np_drake.payload_filter.kernel import inverted
 from np_drake.residual_model import Memory
 
 # Deviation of the hook from where it was in training, each axis, of the paper's vehicle [m]; stated
@@ -154,7 +155,8 @@ def _regress(
     levels, errors = _filtered(gains, levels, errors, torques, rest, step)
     columns = columns + np.maximum(gains, 1.0 / torques[0]).reshape(-1, 1, 1) * (column - columns)
     steady = np.empty(3)
-    shift = _solved(gram + np.eye(3) / deviation**2, right.copy())
+    inverse, _ = inverted(gram + np.eye(3) / deviation**2)
+    shift = inverse @ right
     weight, _ = _followed(errors, torques, step)
     for k in range(3):
         level, usual = _on_axis(k, weight, levels, columns)
@@ -197,23 +199,6 @@ def _on_axis(k, weight, levels, columns):
     for i in range(len(weight)):
         column += weight[i, k] * columns[i, k]
     return np.sum(weight[:, k] * levels[:, k]), column
-
-
-@compiled
-def _solved(A, b):
-    """Return x with A x = b for a positive definite A (3, 3), by elimination; both are
-    overwritten.
-    """
-    for i in range(3):
-        for row in range(i + 1, 3):
-            share = A[row, i] / A[i, i]
-            A[row] -= share * A[i]
-            b[row] -= share * b[i]
-    for i in range(2, -1, -1):
-        for k in range(i + 1, 3):
-            b[i] -= A[i, k] * b[k]
-        b[i] /= A[i, i]
-    return b
 
 
 @compiled

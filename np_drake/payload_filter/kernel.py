@@ -41,24 +41,7 @@ TINY = 1e-12  # least pivot of a covariance [units of the error, squared]
 
 
 @compiled
-def filter_bank(
-    mean,
-    covariance,
-    drive,
-    now,
-    step,
-    prior,
-    keep,
-    noise,
-    label,
-    label_variance,
-    predicted,
-    predicted_covariance,
-    updated,
-    updated_covariance,
-    likelihood,
-    distance,
-):
+def filter_bank(mean, covariance, drive, now, step, prior, keep, noise, label, label_variance):
     """Predict k pendulums over a step and take in one label.
 
     Args:
@@ -73,13 +56,12 @@ def filter_bank(
         noise: (k, SIZE) variance added in a step.
         label: (3,) measured force [m/s²].
         label_variance: (3,) of its noise [m²/s⁴].
-        predicted: (k, POINT) to be written, as is all below.
-        predicted_covariance: (k, SIZE, SIZE).
-        updated: (k, POINT) with the label.
-        updated_covariance: (k, SIZE, SIZE).
-        likelihood: (k,) logarithm of that of the label.
-        distance: (k,) its squared normalised innovation [1].
+    Returns: points (k, POINT) and covariances (k, SIZE, SIZE) before the label, and with it; the
+        logarithm of its likelihood (k,), and its squared normalised innovation (k,) [1].
     """
+    predicted, spread = np.empty_like(mean), np.empty_like(covariance)
+    updated, narrowed = np.empty_like(mean), np.empty_like(covariance)
+    likelihood, distance = np.empty(len(mean)), np.empty(len(mean))
     for i in range(len(mean)):
         _predict(
             mean[i],
@@ -90,17 +72,12 @@ def filter_bank(
             keep[i],
             noise[i],
             predicted[i],
-            predicted_covariance[i],
+            spread[i],
         )
         likelihood[i], distance[i] = _update(
-            predicted[i],
-            predicted_covariance[i],
-            now,
-            label,
-            label_variance,
-            updated[i],
-            updated_covariance[i],
+            predicted[i], spread[i], now, label, label_variance, updated[i], narrowed[i]
         )
+    return predicted, spread, updated, narrowed, likelihood, distance
 
 
 @compiled
@@ -184,7 +161,7 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
                 cross[row, k] += root[row, j] * slope
     # Kalman update: K = P_xy S^-1, x + K (y - y_hat), P - K P_xy'; P_xy by divided differences
     # along P's root
-    inverse, determinant = _inverse(spread)
+    inverse, determinant = inverted(spread)
     gain, distance = np.zeros(3), 0.0
     error[:] = 0.0
     for k in range(3):  # loops, as a call of BLAS costs more than products this small
@@ -208,7 +185,7 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
 
 
 @compiled
-def _inverse(A):
+def inverted(A):
     """Return the inverse of a matrix (3, 3) and its determinant; entries that are no numbers raise
     nothing.
     """
@@ -424,7 +401,7 @@ RISE_ERROR = 9
 
 
 @compiled
-def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance, mixed_weight):
+def mix_bank(mean, covariance, weight, transition, rise):
     """Let the conditions of each length interact: what one of them found is where the others go on
     from.
 
@@ -437,12 +414,11 @@ def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance
         weight: (k,) [1].
         transition: (c, c) probability of a change from one condition to another in a step.
         rise: (c,) variance of the slow force upwards [m²/s⁴].
-        mixed: (k, POINT) to be written.
-        mixed_covariance: (k, SIZE, SIZE) as well.
-        mixed_weight: (k,) as well.
+    Returns: mean, covariance and weight after it.
     Source: Blom, Bar-Shalom 1988 (interacting multiple models); the changes balance as of
         Metropolis et al. 1953.
     """
+    mixed, spread, share = np.empty_like(mean), np.empty_like(covariance), np.empty_like(weight)
     kinds = len(transition)
     lengths = len(mean) // kinds
     shift, errors, shares = np.zeros(SIZE), np.zeros((kinds, SIZE)), np.zeros(kinds)
@@ -465,7 +441,7 @@ def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance
             for i in range(kinds):
                 shares[i] = change[length, i, j] * weight[i * lengths + length]
                 total += shares[i]
-            mixed_weight[here] = total
+            share[here] = total
             shift[:] = 0.0
             for i in range(kinds):
                 shares[i] = shares[i] / total if total > 0.0 else (1.0 if i == j else 0.0)
@@ -477,14 +453,15 @@ def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance
                     for i in range(kinds):
                         apart = (errors[i, a] - shift[a]) * (errors[i, b] - shift[b])
                         value += shares[i] * (covariance[i * lengths + length, a, b] + apart)
-                    mixed_covariance[here, a, b] = value
-                    mixed_covariance[here, b, a] = value
+                    spread[here, a, b] = spread[here, b, a] = value
             displace(mean[here], shift, mixed[here])
+    return mixed, spread, share
 
 
 @compiled
-def weigh_bank(weight, likelihood, mean, prior, deviation, first, stay, out):
-    """Write the weights of the members after a label, of which a small share is drawn anew.
+def weigh_bank(weight, likelihood, mean, prior, deviation, first, stay):
+    """Return the weights of the members after a label, of which a small share is drawn anew, (k,);
+    they sum to one.
 
     A change leads to a member whose parameters were fitted all along, as if it had always been
     true: they must be such as could have been drawn.
@@ -497,21 +474,16 @@ def weigh_bank(weight, likelihood, mean, prior, deviation, first, stay, out):
         deviation: (k, 8) of that prior.
         first: (k,) weight before any flight [1].
         stay: share that is not drawn anew [1].
-        out: (k,) to be written; they sum to one.
     """
     # Bayes: weight times likelihood, less the largest logarithm, so that nothing underflows
     score = np.log(weight) + likelihood
-    largest, total, sum_out = score.max(), 0.0, 0.0
+    out = np.exp(score - score.max())
+    out /= out.sum()
     for i in range(len(out)):
-        out[i] = math.exp(score[i] - largest)
-        total += out[i]
-    for i in range(len(out)):
-        apart = 0.0  # squared distance of the parameters from their prior, in deviations
-        for k in range(prior.shape[1]):
-            apart += ((mean[i, FIRST + k] - prior[i, k]) / deviation[i, k]) ** 2
-        out[i] = stay * out[i] / total + (1.0 - stay) * first[i] * math.exp(-0.5 * apart)
-        sum_out += out[i]
-    out /= sum_out
+        # squared distance of the parameters from their prior, in deviations
+        apart = (((mean[i, PARAMETERS] - prior[i]) / deviation[i]) ** 2).sum()
+        out[i] = stay * out[i] + (1.0 - stay) * first[i] * math.exp(-0.5 * apart)
+    return out / out.sum()
 
 
 @compiled

@@ -118,10 +118,9 @@ class PayloadFilter:
         acting, over_step = u + decay * before, u + mean_decay * before
         # The label takes the trained lag for granted
         missing = lagged[0] - acting
-        drive, now = np.empty(9), np.empty(9)
         force = (chi[:3] + missing[0] * attitude.body_z(x[Q])) / mass
-        drives(
-            memory["x"], x, self._hook, over_step[0] / mass, acting[0] / mass, self.step, drive, now
+        drive, now = drives(
+            memory["x"], x, self._hook, over_step[0] / mass, acting[0] / mass, self.step
         )
         bank = self.bank.step_on(memory, drive, now, force, memory["variance"])
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "lagged": lagged, "now": now}
@@ -184,8 +183,7 @@ class PayloadFilter:
         weight = memory["weight"][some] / memory["weight"][some].sum()
         points, step = memory["mean"][some], stride * self.step
         hook, mass, gravity = self._hook + memory["shift"], self.model.mass, self.model.gravity
-        wrench = np.empty((len(plan.u), 6))
-        along_plan(
+        wrench = along_plan(
             points,
             weight,
             plan.x,
@@ -200,10 +198,8 @@ class PayloadFilter:
             step,
             stride,
             *lag_shares(memory["lag"][0], step),
-            wrench,
         )
-        A, B, C, offset = np.zeros((4, 4)), np.zeros((4, 6)), np.zeros((6, 4)), wrench.copy()
-        beside_plan(weight @ points, plan.x, hook, mass, gravity, step, A, B, C, offset)
+        A, B, C, offset = beside_plan(weight @ points, plan.x, hook, mass, gravity, step, wrench)
         return WrenchForecast(A, B, C, np.zeros(4), offset)
 
 

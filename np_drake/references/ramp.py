@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import polyval
 
 from np_drake.compiled import compiled
 
@@ -43,9 +44,8 @@ def rest_to_rest(s: np.ndarray, duration: float | np.ndarray) -> np.ndarray:
     """Return a step from 0 to 1 and its time derivatives, (5, n) [1/s^k], while s (n,) goes from 0
     to 1; the duration is one, or (n,) [s].
     """
-    out = np.empty((5, len(s)))
-    _horner(_STEP, np.ascontiguousarray(np.clip(s, 0.0, 1.0), float), out)
-    return out * np.asarray(duration, float) ** -np.arange(5.0)[:, None]
+    step = polyval(np.clip(s, 0.0, 1.0), _STEP.T)
+    return step * np.asarray(duration, float) ** -np.arange(5.0)[:, None]
 
 
 def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
@@ -59,20 +59,6 @@ def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
     out = np.empty_like(path)
     _compose(path, np.ascontiguousarray(phase), out)
     return out
-
-
-@compiled
-def _horner(coefficients, s, out):
-    """Write polynomials at given points.
-
-    Args:
-        coefficients: (k, m), lowest power first.
-        s: (n,) points.
-        out: (k, n).
-    """
-    for row in range(len(coefficients)):
-        for i in range(len(s)):
-            out[row, i] = _polynomial(coefficients[row], s[i])
 
 
 @compiled

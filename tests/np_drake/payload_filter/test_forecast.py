@@ -58,9 +58,8 @@ def plan(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def forecast_of(points, weight, x, u, acting) -> np.ndarray:
-    wrench = np.zeros((N, 6))
     torque = (STEADY, RATE_TORQUE, SPEED_TORQUE)
-    along_plan(
+    return along_plan(
         points,
         weight,
         x,
@@ -74,9 +73,7 @@ def forecast_of(points, weight, x, u, acting) -> np.ndarray:
         STRIDE,
         MEAN_DECAY,
         DECAY,
-        wrench,
     )
-    return wrench
 
 
 def pulls_of(points, weight, x) -> np.ndarray:
@@ -137,9 +134,8 @@ def test_beside_a_plan_the_lifted_system_along_it_gives_the_same_wrench(seed):
     points, weight = members(seed, 2), np.array([0.4, 0.6])
     x, u = plan(seed)
     along = forecast_of(points, weight, x, u, u[0])
-    A, B, C, steady = np.zeros((4, 4)), np.zeros((4, 6)), np.zeros((6, 4)), along.copy()
     mean = weight @ points
-    beside_plan(mean, x, HOOK, VEHICLE_MASS, GRAVITY, STEP, A, B, C, steady)
+    A, B, C, steady = beside_plan(mean, x, HOOK, VEHICLE_MASS, GRAVITY, STEP, along)
     z, again = np.zeros(4), np.zeros((N, 6))
     for i in range(N):
         again[i] = steady[i] + C @ z
@@ -155,8 +151,7 @@ def test_beside_a_plan_the_lifted_system_along_it_gives_the_same_wrench(seed):
 def test_what_drives_a_pendulum_is_thrust_and_the_motion_of_its_hook(seed):
     x, _ = plan(seed)
     before, now = x[0], x[1]
-    drive, end = np.zeros(9), np.zeros(9)
-    drives(before, now, HOOK, 9.0, 10.0, STEP, drive, end)
+    drive, end = drives(before, now, HOOK, 9.0, 10.0, STEP)
     z, v = attitude.body_z(x[:2, 3:7]), hook_velocity(HOOK, x[:2])
     turning = v - x[:2, 7:10]
     np.testing.assert_allclose(

@@ -102,10 +102,8 @@ FIRST = np.array([0.5, 0.3, 0.2])
 
 
 def weighed(weight, likelihood, *, at=None, stay=1.0):
-    out, prior, deviation = np.empty(3), np.zeros((3, 8)), np.ones((3, 8))
-    mean = np.zeros((3, POINT)) if at is None else at
-    weigh_bank(np.array(weight), np.array(likelihood), mean, prior, deviation, FIRST, stay, out)
-    return out
+    mean, spread = np.zeros((3, POINT)) if at is None else at, (np.zeros((3, 8)), np.ones((3, 8)))
+    return weigh_bank(np.array(weight), np.array(likelihood), mean, *spread, FIRST, stay)
 
 
 def test_without_changes_the_weights_are_those_of_bayes():
