@@ -12,14 +12,11 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>
 
 
 def on_page_content(content: str, **given: Any) -> str:
-    """Return the HTML of a page, called by mkdocs for each."""
-    return with_formulas(content)
-
-
-def with_formulas(page: str) -> str:
-    """Return a page with MathML in the place of the TeX that `pymdownx.arithmatex` marked."""
+    """Return the HTML of a page with MathML in the place of the TeX that `pymdownx.arithmatex`
+    marked, called by mkdocs for each.
+    """
 
     def mathml(mark: re.Match[str]) -> str:
         return convert(html.unescape(mark[3]), display="block" if mark[2] == "[" else "inline")
 
-    return FORMULA.sub(mathml, page)
+    return FORMULA.sub(mathml, content)

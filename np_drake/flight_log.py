@@ -218,9 +218,10 @@ class FlightLog:
             start: first row.
             stop: the one after the last.
         """
-        cut: dict[str, Any] = {
-            name: value[start:stop]
-            for name, value in vars(self).items()
-            if isinstance(value, np.ndarray)
-        }
+        return self.taken(slice(start, stop))
+
+    def taken(self, rows: slice | np.ndarray) -> "FlightLog":
+        """Return a log of these rows alone."""
+        arrays = {k: value for k, value in vars(self).items() if isinstance(value, np.ndarray)}
+        cut: dict[str, Any] = {name: value[rows] for name, value in arrays.items()}
         return dc.replace(self, **cut, notes=list(self.notes))

@@ -48,10 +48,9 @@ class BetaflightAutopilot(LeafSystem):
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._acceleration_port = self.DeclareVectorInputPort("acceleration", 6)
         self._command_port = self.DeclareVectorInputPort("rates_thrust", 4)
-        self.DeclareDiscreteState(BasicVector(np.zeros(4)))
-        xd = {self.xd_ticket()}
-        self.DeclareVectorOutputPort("u", 4, self._calc_u, xd)
-        self.DeclareVectorOutputPort("motors", 4, self._calc_motors, xd)
+        motors = self.DeclareDiscreteState(BasicVector(np.zeros(4)))
+        self.DeclareVectorOutputPort("u", 4, self._calc_u, {self.xd_ticket()})
+        self.DeclareStateOutputPort("motors", motors)
         self.DeclareInitializationDiscreteUpdateEvent(self._arm)
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._step)
 
@@ -75,6 +74,3 @@ class BetaflightAutopilot(LeafSystem):
     def _calc_u(self, context, output) -> None:
         motors = context.get_discrete_state(0).value()
         output.SetFromVector(self._vehicle.mixer @ self.firmware.rotor_thrust(motors))
-
-    def _calc_motors(self, context, output) -> None:
-        output.SetFromVector(context.get_discrete_state(0).value())

@@ -1,7 +1,7 @@
 """Cascaded flight controller in a diagram, and the target that a reference motion is for it."""
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, EventStatus, LeafSystem
+from pydrake.systems.framework import BasicVector, LeafSystem
 
 from np_drake.control.cascade import TARGET_SIZE, CascadeGains, cascade, cascade_target
 from np_drake.vehicle import Vehicle
@@ -26,55 +26,43 @@ class CascadedController(LeafSystem):
     | u | 4 | command after saturation | N, N·m |
 
     Discrete state: u (4), integrals (6) of the errors [m·s, rad·s], time of the last update (1)
-    [s]. Event: periodic every `period` [s] and, for loops with instants of their own, forced. A
-    state with NaN leaves command and integrals as they were.
+    [s]. Event: periodic every `period` [s]. A state with NaN leaves command and integrals as they
+    were.
 
     Args:
         vehicle: nominal.
-        gains: None: the usual ones.
-        period: of the updates [s]; None: forced ones alone.
+        period: of the updates [s].
     """
 
-    def __init__(
-        self, vehicle: Vehicle, gains: CascadeGains | None = None, *, period: float | None = 0.01
-    ):
+    def __init__(self, vehicle: Vehicle, *, period: float):
         super().__init__()
-        self._vehicle, self._gains = vehicle, gains or CascadeGains()
+        self._vehicle = vehicle
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._target_port = self.DeclareVectorInputPort("target", TARGET_SIZE)
         # Hovering, and no update yet.
         start = np.concatenate([vehicle.hover_input, np.zeros(6), [np.nan]])
         state = self.DeclareDiscreteState(BasicVector(start))
         self.DeclareVectorOutputPort("u", 4, self._calc_u, {self.discrete_state_ticket(state)})
-        self.DeclareForcedDiscreteUpdateEvent(self._update)
-        if period is not None:
-            self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-
-    def update(self, context) -> None:
-        """Update the command now; `context` is the controller's own."""
-        values = self.AllocateDiscreteVariables()
-        self.CalcForcedDiscreteVariableUpdate(context, values)
-        context.SetDiscreteState(0, values.get_vector(0).CopyToVector())
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _calc_u(self, context, output) -> None:
         output.SetFromVector(context.get_discrete_state(0).CopyToVector()[:4])
 
-    def _update(self, context, discrete_state) -> EventStatus:
+    def _update(self, context, discrete_state) -> None:
         held, t = context.get_discrete_state(0).CopyToVector(), context.get_time()
         x = self._x_port.Eval(context)
         if not np.all(np.isfinite(x)):  # the integral would never be a number again
             discrete_state.set_value(0, np.concatenate([held[:10], [t]]))
-            return EventStatus.Succeeded()
+            return
         u, integral = cascade(
             self._vehicle,
-            self._gains,
+            CascadeGains(),
             x=x,
             target=self._target_port.Eval(context),
             integral=held[4:10],
             step=0.0 if np.isnan(held[10]) else t - held[10],
         )
         discrete_state.set_value(0, np.concatenate([u, integral, [t]]))
-        return EventStatus.Succeeded()
 
 
 class FlatTarget(LeafSystem):

@@ -13,7 +13,7 @@ from pathlib import Path
 from diagrams.batch.run import FailedRun, Workers, require
 from diagrams.challenge.draw import FILES, NOISE, Case, CaseDraw, case_name, compose, draw_case
 from diagrams.challenge.flight import SIMULATORS, fly, require_rotorpy
-from diagrams.challenge.sensors import QUALITIES, kept_rows, rows_of, with_sensor_noise
+from diagrams.challenge.sensors import QUALITIES, kept_rows, with_sensor_noise
 from diagrams.challenge.truth import TRUTH_FILE, GroundTruth
 from np_drake.files.file_access import kept_json, write_json, write_text
 from np_drake.flight_log import FlightLog
@@ -145,7 +145,7 @@ def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str
         rng = case.draw.stream(case.seed, NOISE, flight)
         rows = kept_rows(rng, case.quality, len(log))
         sensed = with_sensor_noise(log, case.vehicle, case.quality, rng)
-        exact[file], noisy[file] = rows_of(log, rows), rows_of(sensed, rows)
+        exact[file], noisy[file] = log.taken(rows), sensed.taken(rows)
     return exact, noisy
 
 

@@ -158,10 +158,3 @@ def with_sensor_noise(
         al=None if quality.real else log.al + white.angular_acceleration * draw[4],
         rotor=rotor,
     )
-
-
-def rows_of(log: FlightLog, rows: np.ndarray) -> FlightLog:
-    """Return the log with these rows alone."""
-    arrays = {f.name: getattr(log, f.name) for f in dc.fields(log)}
-    cut = {name: value[rows] for name, value in arrays.items() if isinstance(value, np.ndarray)}
-    return dc.replace(log, **cut)

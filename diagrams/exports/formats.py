@@ -36,7 +36,7 @@ from np_drake.files.file_access import write_text
 from np_drake.vehicle import Vehicle
 from systems.payload_config import payload_config
 
-EXACT, APPROXIMATE, LEFT_OUT = "exact", "approximate", "left out"
+LEFT_OUT = "left out"
 Law = Mapping[str, tuple[str, str]]  # identifier or place of an effect -> how, and in words
 LAWS: dict[str, Law] = yaml.safe_load(Path(__file__).with_name("carried.yaml").read_text("utf-8"))
 # SDF

@@ -15,13 +15,7 @@ from typer import Option
 from diagrams.batch.run import Case, FailedRun, Report, Run, failures, require_result
 from diagrams.challenge.flight import fly
 from diagrams.challenge.plans import draw_plans
-from diagrams.challenge.sensors import (
-    REAL,
-    draw_sensor_quality,
-    kept_rows,
-    rows_of,
-    with_sensor_noise,
-)
+from diagrams.challenge.sensors import REAL, draw_sensor_quality, kept_rows, with_sensor_noise
 from np_drake import attitude
 from np_drake.effects import BladeFlapping, LinearDrag, TranslationalLift
 from np_drake.effects.calibration import effects_of
@@ -254,7 +248,7 @@ def _as_logged(
     q = attitude.multiply(log.q, turns) if truth.input == "throttle" else log.q
     a, w = attitude.rotate(q, force) - g, attitude.rotate_back(turns, log.w)
     log = dc.replace(log, q=q, a=a, w=w, al=None, name=name)
-    log = rows_of(log, kept_rows(rng, quality, len(log)))
+    log = log.taken(kept_rows(rng, quality, len(log)))
     if truth.input == "rotor_speed":
         return dc.replace(log, input="rotor_speed")
     if truth.input == "command":

@@ -25,19 +25,14 @@ from diagrams.studies.options import (
     percent,
     tabulate,
 )
-from diagrams.studies.sweep import Row, choose_rows, fly_rows, tidy, training_config
+from diagrams.studies.sweep import Row, choose_rows, fly_rows, named, tidy, training_config
 from diagrams.studies.tracking import DITHERED
+from diagrams.studies.tracking import ROWS as TRACKING_ROWS
 from np_drake import metrics
-from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER
 from np_drake.vehicle import Vehicle
 
-LEARNED: dict[str, Any] = {"training": DITHERED, "configuration": LEARNED_BANK}
 PEER = "payload_filter"  # row beside which the others are shown
-ROWS = (
-    Row("np", "np", **LEARNED),
-    Row(PEER, PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),
-    Row("hold", "hold"),
-)
+ROWS = tuple(named(TRACKING_ROWS, name) for name in ("np", PEER, "hold"))
 SETTLED = 3.0  # after the ramp, before errors count [s]
 BEFORE, AFTER = (-1.0, -0.05), (1.5, 2.5)  # the levels of f_z are means over these [s]
 WATCHED = 3.0  # after an event, in which the error's peak is looked for [s]
@@ -195,21 +190,18 @@ def responses(found: pd.DataFrame) -> list[dict[str, Any]]:
     return lines
 
 
-def responses_table(lines: list[dict[str, Any]], title: str) -> Table:
-    """Return the table of the lines of `responses`."""
-    columns: tuple[Column, ...] = (
-        ("controller", "row"),
-        ("n", "flights"),
-        ("lost", "lost"),
-        ("90 % known [s]", fixed("known", 2)),
-        ("95 % of flights", fixed("known_95", 2)),
-        ("last", fixed("known_most", 2)),
-        (f"in {SOON:g} s", percent("soon")),
-        ("peak [cm]", fixed("peak", 2, factor=100)),
-        ("95 % of flights", fixed("peak_95", 2, factor=100)),
-        ("largest", fixed("peak_most", 2, factor=100)),
-    )
-    return tabulate(title, lines, columns)
+RESPONSE_COLUMNS: tuple[Column, ...] = (
+    ("controller", "row"),
+    ("n", "flights"),
+    ("lost", "lost"),
+    ("90 % known [s]", fixed("known", 2)),
+    ("95 % of flights", fixed("known_95", 2)),
+    ("last", fixed("known_most", 2)),
+    (f"in {SOON:g} s", percent("soon")),
+    ("peak [cm]", fixed("peak", 2, factor=100)),
+    ("95 % of flights", fixed("peak_95", 2, factor=100)),
+    ("largest", fixed("peak_most", 2, factor=100)),
+)
 
 
 def changes(
@@ -219,4 +211,4 @@ def changes(
     flights, found, notes, settings = _fly(run, "changes", CHANGES, draws, solver, only)
     lines = responses(found)
     title = f"{_title(flights)}: median over the flights, and the slowest"
-    return _report(responses_table(lines, title), lines, found, notes, settings)
+    return _report(tabulate(title, lines, RESPONSE_COLUMNS), lines, found, notes, settings)

@@ -195,11 +195,9 @@ def run(run: Run, neurobem: Neurobem = None) -> Report:
     )
 
 
-def window_figure(
-    models: Mapping[str, LiftedModel], flight: Segment, span: tuple[float, float] = SPAN
-) -> Figure:
-    """Plot the six channels of label and forecasts over a span; each forecast `FAR` steps old."""
-    rows = np.arange(*np.rint(np.array(span) / flight.step).astype(int))
+def window_figure(models: Mapping[str, LiftedModel], flight: Segment) -> Figure:
+    """Plot the six channels of label and forecasts over `SPAN`; each forecast `FAR` steps old."""
+    rows = np.arange(*np.rint(np.array(SPAN) / flight.step).astype(int))
     found = naive_predictions(flight.chi, rows - FAR, [FAR], np.zeros(6))
     for name, model in models.items():
         found[OURS[name]] = forecasts(model, flight, rows - FAR, FAR)

@@ -22,6 +22,7 @@ from diagrams.studies.draws import Envelope, drawn_flight
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_model import save_model
 from np_drake.lifting.training.train import make_config
+from np_drake.metrics import tracking_errors
 from np_drake.payload_filter.bank_options import CONDITIONAL, BankOptions, Prior
 from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.training import train_payload_filter
@@ -105,8 +106,8 @@ def flown_error(
         except FailedRun:
             return math.log(far)
     steady = s["t"] >= config.reference.lead + SETTLED * ratios(vehicle).time
-    away = s["x_true"][steady, :3] - s["p_ref"][steady]
-    return math.log(min(np.sqrt(np.mean(np.sum(away**2, axis=1))), far))
+    errors = tracking_errors(s["x_true"][steady, :3], s["p_ref"][steady])
+    return math.log(min(errors["position_rmse"], far))
 
 
 def train_on_envelope(

@@ -85,10 +85,10 @@ class FlownRun(Run):
         """Solver and seeds, as `--json` holds them."""
         return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.seed}
 
-    def title(self, flights: str = "flights a row", learner: str = "") -> str:
+    def title(self, learner: str = "") -> str:
         """Return the title of a table: flights, seeds, what is trained, training seed, solver."""
         return (
-            f"{self.count} {flights}, seeds {self.seeds[0]} … {self.seeds[-1]}, "
+            f"{self.count} flights a row, seeds {self.seeds[0]} … {self.seeds[-1]}, "
             f"{learner}trained on seed {self.seed}, {self.solver}"
         )
 
@@ -130,16 +130,16 @@ def percent(key: str, digits: int = 0) -> Callable[[Line], str]:
 
 
 def spread(
-    key: str, digits: int = 2, *, factor: float = 100.0, by: str = "ci95", lost: str = "lost"
+    key: str, digits: int = 2, *, factor: float = 100.0, lost: str = "lost"
 ) -> Callable[[Line], str]:
-    """Return a cell `value ± spread`, in cm unless told; without the spread where that is not a
-    number, and a dash where a line has no value.
+    """Return a cell `value ± half of its 95 % interval`, in cm by default; the value alone where
+    the interval is not a number, and a dash where a line has no value.
     """
 
     def cell(line: Line) -> str:
         if line[key] is None:
             return NOTHING
-        value, width = factor * line[key], factor * line[f"{key}_{by}"]
+        value, width = factor * line[key], factor * line[f"{key}_ci95"]
         if math.isinf(value):
             return lost
         return f"{value:.{digits}f}" + ("" if math.isnan(width) else f" ± {width:.{digits}f}")

@@ -130,9 +130,7 @@ def flown(case: Case, row: Row, model: str, **how: Any) -> dict:
     return measures(config, signals, why)
 
 
-def measures(
-    config: FlightConfig, signals: dict[str, np.ndarray], why: str = "", settling: float = SETTLING
-) -> dict:
+def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = "") -> dict:
     """Return the metrics of a flight until it is lost, and of its steady window where it is not.
 
     Returns:
@@ -148,7 +146,7 @@ def measures(
     far = ~near  # so that NaN is far
     lost = bool(why) or bool(far.any())
     end = int(np.argmax(far)) if far.any() else len(t)
-    rows, steady = slice(0, max(end, 1)), t >= config.reference.lead + settling - 1e-9
+    rows, steady = slice(0, max(end, 1)), t >= config.reference.lead + SETTLING - 1e-9
     status = signals["status"][rows, 0]
     command = signals["u"][rows] @ config.vehicle.unmixer.T / config.vehicle.max_rotor_thrust
     errors: dict[str, float | None] = dict.fromkeys((*ERRORS, *GROWTHS))

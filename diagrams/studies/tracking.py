@@ -31,7 +31,15 @@ from diagrams.studies.options import (
     spread,
     tabulate,
 )
-from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means, training_config
+from diagrams.studies.sweep import (
+    Row,
+    choose_rows,
+    configure,
+    fly_rows,
+    means,
+    named,
+    training_config,
+)
 from np_drake import metrics
 from np_drake.files.figure_file import Figure, Panel, panel_figure
 from np_drake.files.number_text import NOTHING
@@ -248,35 +256,29 @@ HOVER_LOST = {
 CUTS = ("position_rmse", "late", "E_xy")  # keys that are also given relative to nominal
 EARLY = 2.0  # after the impulse; later every predictor has seen the swing begin [s]
 DAMPED, FILTER_DAMPED = "np + active damping", "payload_filter + active damping"  # names of rows
-_LEARNED: dict[str, Any] = {"training": DITHERED, "configuration": LEARNED_BANK}
-_FILTER: dict[str, Any] = {"training": DITHERED, "configuration": PAYLOAD_FILTER}
+NP, FILTER = named(ROWS, "np"), named(ROWS, "payload_filter")
+AS_IN_THE_PAPER = named(ROWS, "np: paper, plain circle")
 HOVER_ROWS = (
-    Row("nominal", "nominal"),
-    Row("hold", "hold"),
+    *(named(ROWS, name) for name in ("nominal", "hold")),
     # Slower than the swing (0.56 Hz): the level is compensated and most of the swing is not.
     Row("hold at 0.3 Hz", "hold", hold_bandwidth=0.3),
-    Row("gp", "gp", training=DITHERED, configuration=GP),
-    Row("knode", "knode", training=DITHERED, configuration=KNODE),
-    Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
-    Row("np", "np", **_LEARNED),
+    *(named(ROWS, name) for name in ("gp", "knode")),
+    AS_IN_THE_PAPER,
+    NP,
     # The weight on the body rates keeps tilting as slow as the swing; without it motor lag makes
     # pitch oscillate.
-    Row(DAMPED, "np", weight_swing=10.0, weight_rate=3.0, **_LEARNED),
-    Row("payload_filter", PAYLOAD_FILTER, **_FILTER),
+    dc.replace(NP, name=DAMPED, weight_swing=10.0, weight_rate=3.0),
+    FILTER,
     # Three times the weight: what the vehicle can do against the swing is less than the lifted
     # model makes of it.
-    Row(FILTER_DAMPED, PAYLOAD_FILTER, weight_swing=30.0, weight_rate=3.0, **_FILTER),
-    Row("oracle", "oracle"),
+    dc.replace(FILTER, name=FILTER_DAMPED, weight_swing=30.0, weight_rate=3.0),
+    named(ROWS, "oracle"),
 )
 AFTER = 2.0  # from here on after the event the new level counts as reached [s]
 # Step and its deviation [N]. Source: Jin et al. 2025, payload attached in flight
 ATTACH_PAPER = {"step": 0.96, "deviation": 0.004}
 SIGNALS = ("chi_hat", "label")  # whose step response is measured
-ATTACH_ROWS = (
-    Row("np", "np", training=DITHERED, configuration=LEARNED_BANK),
-    Row("payload_filter", PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),
-    Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
-)
+ATTACH_ROWS = (NP, FILTER, AS_IN_THE_PAPER)
 
 
 def swing_course(flight: FlightResult) -> tuple[np.ndarray, np.ndarray]:

@@ -98,13 +98,7 @@ class Panel:
 
 
 def panel_figure(
-    panels: Sequence[Sequence[Panel]],
-    title: str,
-    *,
-    width: float,
-    height: float,
-    marker: str = "",
-    **layout: Any,
+    panels: Sequence[Sequence[Panel]], title: str, *, width: float, height: float, **layout: Any
 ) -> Figure:
     """Plot rows of panels [inch]; further arguments of `Figure.subplots`."""
     figure, axes = new_figure(len(panels), len(panels[0]), width=width, height=height, **layout)
@@ -116,7 +110,7 @@ def panel_figure(
         for name, curve in panel.curves.items():
             k = names.index(name)
             style = {"color": PALETTE[k % len(PALETTE)], "linestyle": DASHES[k % len(DASHES)]}
-            (handles[name],) = ax.plot(*curve, marker=marker, markersize=3.5, lw=1.2, **style)
+            (handles[name],) = ax.plot(*curve, lw=1.2, **style)
         ax.set(**panel.axes)
         ax.grid(alpha=0.3)
     figure.suptitle(title, fontsize=10)

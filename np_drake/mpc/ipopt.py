@@ -129,7 +129,7 @@ class Preconditioned:
     are scaled to unit curvature too, and only come in where a soft row is near activity.
     """
 
-    def __init__(self, condensed: Condensed, h: Horizon, t_0: Trajectory, near: float = _NEAR):
+    def __init__(self, condensed: Condensed, h: Horizon, t_0: Trajectory):
         self._c, self._h, self._T_0 = condensed, h, t_0.T.ravel()
         S = condensed.sensitivities(h, t_0)
         hessian = condensed.hessian(h, S)
@@ -152,8 +152,8 @@ class Preconditioned:
         size = np.array(
             [config.max_speed, 1 - condensed.objective.min_cosine, config.terminal_radius]
         )
-        self._inputs = np.abs(self._T_0 - self._middle) > (1 - 2 * near) * self._reach
-        self._soft = t_0.excess > -near * size[self._kind]
+        self._inputs = np.abs(self._T_0 - self._middle) > (1 - 2 * _NEAR) * self._reach
+        self._soft = t_0.excess > -_NEAR * size[self._kind]
         self._unit = 1 / math.sqrt(2 * QUADRATIC * config.slack_weight)
 
     def solve(self, ipopt: Any, time_limit: float) -> tuple[bool, Trajectory]:

@@ -110,15 +110,6 @@ class Objective:
         _slacks(excess, self.kind, slacks)
         return slacks
 
-    def terminal_norm(self, h: Horizon, x_N: np.ndarray) -> float:
-        """Return sqrt(e' P_f e) with P_f = P / P_xx, smooth at zero [m].
-
-        Args:
-            x_N: (13,) last state.
-        """
-        e = x_N - h.x_ref[-1]
-        return float(np.sqrt(e @ h.P @ e / h.P[0, 0] + self.softening))
-
     def rows(self, h: Horizon, x: np.ndarray, S: np.ndarray) -> SoftRows:
         """Return all set rows at x, linearised.
 
@@ -128,10 +119,13 @@ class Objective:
             x: (N+1, 13).
             S: (N, 13, n) sensitivities of x_1 … x_N.
         """
-        far = (x[-1] - h.x_ref[-1]) @ h.P / (h.P[0, 0] * self.terminal_norm(h, x[-1]))
+        excess = self.excess(h, x)
+        # Gradient of sqrt(e' P_f e), P_f = P / P_xx, which is smooth at zero
+        distance = excess[-1] + self.config.terminal_radius
+        far = (x[-1] - h.x_ref[-1]) @ h.P / (h.P[0, 0] * distance)
         jacobian = np.zeros((len(self.kind), S.shape[2]))
         _row_jacobian(x, S, far, jacobian)
-        return SoftRows(self.excess(h, x), jacobian, self.kind)
+        return SoftRows(excess, jacobian, self.kind)
 
 
 def penalty(slack: np.ndarray, slack_weight: float) -> float:

@@ -15,28 +15,22 @@ LIFT_BAND = 4.0  # of a measured lift [Hz]; own choice: below motor lag
 BANDWIDTH = 15.0  # [Hz], -6 dB; own choice: 0.3 m/s² of noise from 0.01 m/s at 100 Hz
 
 
-def with_accelerations(log: FlightLog, bandwidth: float = BANDWIDTH) -> FlightLog:
+def with_accelerations(log: FlightLog) -> FlightLog:
     """Return the log with a = dv/dt and al = dw/dt where it has none, and a note that says so.
 
     a_k = zero-phase low-pass of (v_(k+1) - v_k) / (t_(k+1) - t_k): over this interval row k's
     command acts, so the pairing of rows stays (a central difference would mix two commands). It
     uses the future: results
     one step ahead from such a log are not causal.  Source: own choice.
-
-    Args:
-        bandwidth: of the low-pass [Hz].
-    Raises: ValueError: if the bandwidth is not positive.
     """
-    require(bandwidth > 0, f"with_accelerations: bandwidth must be positive [Hz]; got {bandwidth}.")
     new = [name for name in ("a", "al") if getattr(log, name) is None]
     if not new:
         return log
-    a = smooth_derivative(log.v, log.t, bandwidth) if log.a is None else log.a
-    al = smooth_derivative(log.w, log.t, bandwidth) if log.al is None else log.al
+    a = smooth_derivative(log.v, log.t, BANDWIDTH) if log.a is None else log.a
+    al = smooth_derivative(log.w, log.t, BANDWIDTH) if log.al is None else log.al
     note = (
-        f"{', '.join(new)} differentiated smoothly (zero phase, {bandwidth:g} Hz): they "
-        f"use the future, "
-        "figures one step ahead are not causal"
+        f"{', '.join(new)} differentiated smoothly (zero phase, {BANDWIDTH:g} Hz): they "
+        "use the future, figures one step ahead are not causal"
     )
     return dc.replace(log, a=a, al=al, notes=[*log.notes, note])
 

@@ -46,12 +46,12 @@ WIDTH = 120  # columns of a line with its comment
 HEAD = "# Vehicle file of np_drake. docs/reference/vehicle-file.md lists all fields."
 
 
-def save_vehicle(vehicle: Vehicle, path: str | Path, head: str = HEAD) -> None:
+def save_vehicle(vehicle: Vehicle, path: str | Path) -> None:
     """Write the vehicle file (YAML) of `vehicle`, whole or not at all.
 
     Raises: ValueError: on an impossible vehicle; OSError: if the file cannot be written.
     """
-    write_text(Path(path), vehicle_text(vehicle.check(), head))
+    write_text(Path(path), vehicle_text(vehicle.check()))
 
 
 def vehicle_text(vehicle: Vehicle, head: str = HEAD) -> str:

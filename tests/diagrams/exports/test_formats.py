@@ -2,7 +2,7 @@
 
 import pytest
 
-from diagrams.exports.formats import EXACT, FORMATS, LEFT_OUT, carried
+from diagrams.exports.formats import FORMATS, LEFT_OUT, carried
 from np_drake import effects as fx
 from np_drake.effects.library import LIBRARY, effects_for
 from np_drake.vehicle.vehicle import Vehicle
@@ -39,7 +39,7 @@ def test_the_account_has_a_line_with_a_reason_for_every_effect(form, tmp_path):
     assert [line.identifier for line in account][: len(effects)] == [e.identifier for e in effects]
     assert all(line.note for line in account)
     assert account[len(effects) - 1].how == LEFT_OUT  # the user's own
-    (line,) = carried([fx.SensorNoise()], {"mass_error": (EXACT, "mass")})
+    (line,) = carried([fx.SensorNoise()], {"mass_error": ("exact", "mass")})
     assert (line.how, line.note) == (LEFT_OUT, "an error of the sensors, not of the motion")
 
 
