@@ -97,7 +97,7 @@ def _follows_newton_and_euler(now, true, chi=np.zeros(6)):  # noqa: B008
     np.testing.assert_allclose(J @ now.al + np.cross(w, J @ w), tau_Bcm, atol=1e-9)
 
 
-@pytest.mark.parametrize("tether", ["cable", "none"])
+@pytest.mark.parametrize("tether", ["cable", "rod", "none"])
 def test_neutral_effects_leave_the_hovering_vehicle_alone(tether):
     payload = PayloadConfig(tether=tether)
     neutral = {
@@ -112,7 +112,7 @@ def test_neutral_effects_leave_the_hovering_vehicle_alone(tether):
     context = dut.CreateDefaultContext()
     plant = dut.GetSubsystemByName("plant")
     set_hover(plant, plant.GetMyMutableContextFromRoot(context), payload, [0, 0, 1.0])
-    carried = VEHICLE.mass + (payload.mass if tether == "cable" else 0.0)
+    carried = VEHICLE.mass + (payload.mass if tether != "none" else 0.0)
     dut.GetInputPort("u").FixValue(context, [carried * VEHICLE.gravity, 0, 0, 0])
     np.testing.assert_allclose(dut.GetOutputPort("acceleration").Eval(context), 0.0, atol=1e-9)
     assert not dut.HasSubsystemNamed("actuators")

@@ -48,25 +48,6 @@ def payload_position(plant, plant_context):
     return plant.EvalBodyPoseInWorld(plant_context, plant.GetBodyByName("payload")).translation()
 
 
-@pytest.mark.parametrize("tether", ["cable", "rod", "none"])
-def test_without_thrust_everything_falls_freely(tether):
-    simulator, _, plant, plant_context = simulator_of(PayloadConfig(tether=tether))
-    before = plant.CalcCenterOfMassPositionInWorld(plant_context)
-    simulator.AdvanceTo(0.5)
-    # The pair's centre of mass: the cable's stretch relaxes, so that each body alone gains a mm/s.
-    fallen = plant.CalcCenterOfMassPositionInWorld(plant_context) - before
-    np.testing.assert_allclose(fallen, [0, 0, -0.5 * 9.81 * 0.25], atol=1e-7)  # [m]
-    np.testing.assert_allclose(evaluate(simulator, "x")[3:7], [1, 0, 0, 0], atol=1e-9)
-
-
-@pytest.mark.parametrize("tether", ["cable", "rod"])
-def test_hover_thrust_carries_both_weights(tether):
-    simulator, *_ = simulator_of(PayloadConfig(tether=tether), u=[WEIGHT, 0, 0, 0])
-    simulator.AdvanceTo(1.0)
-    np.testing.assert_allclose(evaluate(simulator, "x")[:3], [0, 0, 2.0], atol=1e-6)
-    np.testing.assert_allclose(evaluate(simulator, "acceleration"), np.zeros(6), atol=1e-5)
-
-
 @pytest.mark.parametrize("tether", ["cable", "rod"])
 def test_small_swing_has_the_period_of_the_coupled_system(tether, apply_impulse):
     # Hook at the centre of mass: the pair swings about its common centre of mass under constant

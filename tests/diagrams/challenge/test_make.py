@@ -67,6 +67,7 @@ def test_the_truth_may_not_lie_with_the_cases(tmp_path, truth):
 def test_impossible_requests_are_refused(tmp_path, wrong):
     with pytest.raises(ValueError, match="make"):
         make(tmp_path / "cases", tmp_path / "truth", clean=0, **wrong)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_set_is_not_mixed_with_another_but_may_be_made_again(tmp_path):
