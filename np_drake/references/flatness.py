@@ -26,10 +26,8 @@ def targets(vehicle: Vehicle, flat: np.ndarray, chi: np.ndarray) -> tuple[np.nda
         x_ref (n, 13), u_ref (n, 4) [N, N·m].
     """
     flat, chi = np.ascontiguousarray(flat, float), np.ascontiguousarray(chi, float)
-    x, u = np.empty((flat.shape[1], 13)), np.empty((flat.shape[1], 4))
     J = np.ascontiguousarray(vehicle.J, float)
-    _follow(flat, chi, float(vehicle.mass), float(vehicle.gravity), J, _DELTA, x, u)
-    return x, u
+    return _follow(flat, chi, float(vehicle.mass), float(vehicle.gravity), J)
 
 
 @compiled
@@ -53,8 +51,8 @@ def _attitude_and_rate(f_x, f_y, f_z, r_x, r_y, r_z):
 
 
 @compiled
-def _follow(flat, chi, mass, gravity, J, delta, x, u):
-    """Write the states x (n, 13) and inputs u (n, 4) that follow flat (5, n, 3) under chi (n, 6),
+def _follow(flat, chi, mass, gravity, J):
+    """Return the states x (n, 13) and inputs u (n, 4) that follow flat (5, n, 3) under chi (n, 6),
     see `targets`.
 
     Args:
@@ -63,22 +61,17 @@ def _follow(flat, chi, mass, gravity, J, delta, x, u):
         mass: [kg].
         gravity: [m/s²].
         J: (3, 3) inertia [kg·m²].
-        delta: step of the central difference that turns body rate into angular acceleration [s].
-        x: (n, 13) to be written.
-        u: (n, 4) as well.
     """
+    x, u = np.empty((flat.shape[1], 13)), np.empty((flat.shape[1], 4))
     for i in range(flat.shape[1]):
         # Thrust m (a + g z) - f_e and its rate; the angular acceleration is a central difference of
         # the body rate
         f_x, f_y = mass * flat[2, i, 0] - chi[i, 0], mass * flat[2, i, 1] - chi[i, 1]
         f_z = mass * (flat[2, i, 2] + gravity) - chi[i, 2]
         j_x, j_y, j_z = mass * flat[3, i, 0], mass * flat[3, i, 1], mass * flat[3, i, 2]
-        d_x, d_y, d_z = delta * j_x, delta * j_y, delta * j_z
-        s_x, s_y, s_z = (
-            delta * mass * flat[4, i, 0],
-            delta * mass * flat[4, i, 1],
-            delta * mass * flat[4, i, 2],
-        )
+        d_x, d_y, d_z = _DELTA * j_x, _DELTA * j_y, _DELTA * j_z
+        push = _DELTA * mass
+        s_x, s_y, s_z = push * flat[4, i, 0], push * flat[4, i, 1], push * flat[4, i, 2]
         w, q_x, q_y, q_z, a, b, c = _attitude_and_rate(f_x, f_y, f_z, j_x, j_y, j_z)
         later = _attitude_and_rate(f_x + d_x, f_y + d_y, f_z + d_z, j_x + s_x, j_y + s_y, j_z + s_z)
         sooner = _attitude_and_rate(
@@ -95,4 +88,5 @@ def _follow(flat, chi, mass, gravity, J, delta, x, u):
             turn = 0.0
             for axis in range(3):
                 turn += J[row, axis] * (later[4 + axis] - sooner[4 + axis])
-            u[i, 1 + row] += turn / (2 * delta) - chi[i, 3 + row]
+            u[i, 1 + row] += turn / (2 * _DELTA) - chi[i, 3 + row]
+    return x, u

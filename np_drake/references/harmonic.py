@@ -27,9 +27,10 @@ class HarmonicTrack:
 
     def path(self, phase: np.ndarray) -> np.ndarray:
         """Return the track and its four derivatives by phase, (5, n, 3), at phases (n,) [rad]."""
-        flat = np.empty((5, len(phase), 3))
-        _fourier(np.ascontiguousarray(phase), self.center, self.amplitudes, self.shifts, flat)
-        return flat
+        harmonics = np.arange(1.0, 1.0 + len(self.amplitudes))[:, None] * np.ones(3)
+        path = _tones(np.ascontiguousarray(phase), harmonics, self.amplitudes, self.shifts)
+        path[0] += self.center
+        return path
 
     def length(self) -> float:
         """Return the length of one lap [m]."""
@@ -126,7 +127,7 @@ class Multisine:
         self.amplitude = (
             np.array(amplitude, float) * share / np.sqrt(0.5 * np.sum(share**2, axis=0))
         )
-        self.shift = np.random.default_rng(seed).uniform(0, 2 * np.pi, share.shape)
+        self.shift = np.random.default_rng(seed).uniform(0, 2 * np.pi, share.shape) - np.pi / 2
         self.ramp = ramp
 
     def sample(self, t: np.ndarray) -> np.ndarray:
@@ -134,36 +135,33 @@ class Multisine:
         zero offset.
         """
         warped = ramped_phase(t, 1.0, self.ramp)
-        path = np.zeros((5, len(t), 3))
-        for f, amplitude, shift in zip(self.frequencies, self.amplitude, self.shift, strict=True):
-            omega = 2 * np.pi * f
-            angle = omega * warped[0][:, None] + shift
-            path[0] += amplitude * (np.sin(angle) - np.sin(shift))
-            for k in range(1, 5):
-                path[k] += amplitude * omega**k * np.sin(angle + k * np.pi / 2)
+        path = _tones(warped[0], 2 * np.pi * self.frequencies, self.amplitude, self.shift)
+        path[0] -= np.sum(self.amplitude * np.cos(self.shift), axis=0)
         return compose(path, warped)
 
 
 @compiled
-def _fourier(phase, center, amplitudes, shifts, out):
-    """Write the sum of harmonics 1 … H and its four derivatives by phase to out (5, n, 3).
+def _tones(phase, rates, amplitudes, shifts):
+    """Return the sum of amplitude cos(rate phase + shift) over tones and its four derivatives by
+    phase, (5, n, 3).
 
     Args:
         phase: (n,) [rad].
-        center: (3,) [m].
-        amplitudes: (H, 3) of amplitude cos(h phase + shift).
+        rates: (H, 3) [1].
+        amplitudes: (H, 3).
         shifts: (H, 3) [rad].
-        out: (5, n, 3) to be written.
     """
+    out = np.zeros((5, len(phase), 3))
     for i in range(len(phase)):
-        for axis in range(3):
-            p, v, a, j, s = center[axis], 0.0, 0.0, 0.0, 0.0
-            for row in range(len(amplitudes)):
-                h, size = row + 1.0, amplitudes[row, axis]
+        for row in range(len(rates)):
+            for axis in range(3):
+                rate, size = rates[row, axis], amplitudes[row, axis]
                 if size != 0.0:
-                    angle = h * phase[i] + shifts[row, axis]
+                    angle = rate * phase[i] + shifts[row, axis]
                     cosine, sine = size * math.cos(angle), size * math.sin(angle)
-                    p, v, a = p + cosine, v - h * sine, a - h * h * cosine
-                    j, s = j + h * h * h * sine, s + h * h * h * h * cosine
-            out[0, i, axis], out[1, i, axis], out[2, i, axis] = p, v, a
-            out[3, i, axis], out[4, i, axis] = j, s
+                    out[0, i, axis] += cosine
+                    out[1, i, axis] -= rate * sine
+                    out[2, i, axis] -= rate**2 * cosine
+                    out[3, i, axis] += rate**3 * sine
+                    out[4, i, axis] += rate**4 * cosine
+    return out

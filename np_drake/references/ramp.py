@@ -35,9 +35,7 @@ def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
     t = np.asarray(t, float)
     if ramp <= 0:
         return np.stack([rate * t, np.full_like(t, rate), *np.zeros((3, len(t)))])
-    out = np.empty((5, len(t)))
-    _ramped(_RAMP, np.ascontiguousarray(t), float(rate), float(ramp), out)
-    return out
+    return _ramped(_RAMP, np.ascontiguousarray(t), float(rate), float(ramp))
 
 
 def rest_to_rest(s: np.ndarray, duration: float | np.ndarray) -> np.ndarray:
@@ -46,19 +44,6 @@ def rest_to_rest(s: np.ndarray, duration: float | np.ndarray) -> np.ndarray:
     """
     step = polyval(np.clip(s, 0.0, 1.0), _STEP.T)
     return step * np.asarray(duration, float) ** -np.arange(5.0)[:, None]
-
-
-def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """Return the time derivatives of path(phase(t)) up to the fourth (Faà di Bruno).
-
-    Args:
-        path: (5, n, 3) path and its derivatives by phase.
-        phase: (5, n) phase and its derivatives by time.
-    Returns: (5, n, 3).
-    """
-    out = np.empty_like(path)
-    _compose(path, np.ascontiguousarray(phase), out)
-    return out
 
 
 @compiled
@@ -72,9 +57,9 @@ def _polynomial(coefficients, s):
 
 
 @compiled
-def _ramped(polynomials, t, rate, ramp, out):
-    """Write a phase that runs at a constant rate after a ramp from rest, and its derivatives by
-    time.
+def _ramped(polynomials, t, rate, ramp):
+    """Return a phase that runs at a constant rate after a ramp from rest, and its derivatives by
+    time, (5, n).
 
     Args:
         polynomials: (5, m) phase and its derivatives on the ramp, both of unit rate and duration,
@@ -82,8 +67,8 @@ def _ramped(polynomials, t, rate, ramp, out):
         t: (n,) [s].
         rate: final one [rad/s].
         ramp: its duration [s].
-        out: (5, n) to be written.
     """
+    out = np.empty((5, len(t)))
     for i in range(len(t)):
         s = min(max(t[i] / ramp, 0.0), 1.0)
         out[0, i] = rate * (ramp * _polynomial(polynomials[0], s) + max(t[i] - ramp, 0.0))
@@ -91,19 +76,19 @@ def _ramped(polynomials, t, rate, ramp, out):
         for row in range(1, 5):
             out[row, i] = scale * _polynomial(polynomials[row], s)
             scale /= ramp
+    return out
 
 
 @compiled
-def _compose(path, phase, out):
-    """Write the time derivatives of path(phase(t)).
-
-    Source: Faà di Bruno's formula up to the fourth derivative.
+def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
+    """Return the time derivatives of path(phase(t)) up to the fourth (Faà di Bruno).
 
     Args:
-        path: (5, n, 3) derivatives by phase.
-        phase: (5, n) derivatives by time.
-        out: (5, n, 3).
+        path: (5, n, 3) path and its derivatives by phase.
+        phase: (5, n) phase and its derivatives by time.
+    Returns: (5, n, 3).
     """
+    out = np.empty_like(path)
     for i in range(path.shape[1]):
         d1, d2, d3, d4 = phase[1, i], phase[2, i], phase[3, i], phase[4, i]
         for axis in range(3):
@@ -118,3 +103,4 @@ def _compose(path, phase, out):
                 + b * (3 * d2 * d2 + 4 * d1 * d3)
                 + a * d4
             )
+    return out
