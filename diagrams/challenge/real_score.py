@@ -215,46 +215,17 @@ def verdict(causes: Mapping[str, float], truth: Truth, late: Sequence[str] = ())
 
 # All cases, by method
 
-HEALTHY, CALM = (
-    [c.group for c in real.CAMPAIGNS if c.truth.healthy and bool(c.before) is since]
-    for since in (False, True)
-)
-SINCE = [c.group for c in real.CAMPAIGNS if c.before and not c.truth.healthy]
-OWN = [c.group for c in real.CAMPAIGNS if not c.before]
-PAYLOADS = ["payload", "crazyswarm2-payload"]
-COMMANDED = ["payload-command"]  # the payload flights of another group once more
-GROUNDS = ["swarm-ground-small", "swarm-ground-large"]
-# What is asked, what is wanted, groups of cases, column of `outcomes`, and what is told of it.
-ASKED = (
-    ("healthy: cases with a false name", "≤ 5 %", HEALTHY, "false", "count"),
-    ("healthy: names beyond drag, median", "0", HEALTHY, "beyond", "median"),
-    ("healthy: names beyond drag, mean", "≤ 0.5", HEALTHY, "beyond", "mean"),
-    ("payload: named", "≥ 95 %", PAYLOADS, "payload", "count"),
-    ("payload: mass within 10 %", "all", PAYLOADS, "mass", "count"),
-    ("payload: length within 5 %", "all", PAYLOADS, "length", "count"),
-    ("payload: both in the 95 % interval", "≥ 90 %", PAYLOADS, "covered", "count"),
-    ("payload, command: named", "≥ 95 %", COMMANDED, "payload", "count"),
-    ("payload, command: mass within 10 %", "all", COMMANDED, "mass", "count"),
-    ("payload, command: length within 5 %", "all", COMMANDED, "length", "count"),
-    ("payload, command: both in the 95 % interval", "≥ 90 %", COMMANDED, "covered", "count"),
-    ("wind: with drag, no mass or clock error", "all", ["wind"], "blown", "count"),
-    ("wind: direction within 10°", "all", ["wind"], "angle", "count"),
-    ("wind: mean force within 15 %", "5 of 6", ["wind"], "force", "count"),
-    ("wind below 6 m/s: speed within 30 %", "all", ["wind"], "speed", "count"),
-    ("still air: cases with a false name", "0", ["still"], "false", "count"),
-    ("new wind: said so", "all", ["new-wind"], "new", "count"),
-    ("new wind: cases with a false name", "0", ["new-wind"], "false", "count"),
-    ("ground effect: named, of the right size", "≥ 80 %", GROUNDS, "ground", "count"),
-    ("since before: what changed named, nothing else", "≥ 90 %", SINCE, "right", "count"),
-    ("since before: sizes in their interval", "88 to 98 %", SINCE, "covered", "count"),
-    ("since before, healthy: cases with a name", "≤ 5 %", CALM, "false", "count"),
-    ("all: named, and held out worse", "0", OWN, "worse", "count"),
-    ("known cause: right", f"more than {BIC}", OWN[:-1], "right", "count"),
-    (f"all: wrong names, p > {SURE:g}", "0", OWN, "sure", "sum"),
-    ("all: calibration error of names", "", OWN, "judged", "calibration"),
-    ("seconds a case, median", "", OWN, "seconds", "seconds"),
-    ("seconds a case, most", "", OWN, "seconds", "most"),
-)
+EVERY = [c.group for c in real.CAMPAIGNS if not c.before]
+CASES = {
+    "healthy": [c.group for c in real.CAMPAIGNS if c.truth.healthy and not c.before],
+    "calm": [c.group for c in real.CAMPAIGNS if c.truth.healthy and c.before],
+    "since": [c.group for c in real.CAMPAIGNS if c.before and not c.truth.healthy],
+    "every": EVERY,
+    "known": EVERY[:-1],  # all but NeuroBEM
+    "payload": ["payload", "crazyswarm2-payload"],
+    "command": ["payload-command"],  # the payload flights of another group once more
+    "ground": ["swarm-ground-small", "swarm-ground-large"],
+}
 
 
 def calibrated(judged: Iterable[Sequence[tuple[float, bool]]]) -> dict[str, Any]:
@@ -359,12 +330,13 @@ def asked_figures(rows: pd.DataFrame) -> list[dict[str, Any]]:
     anything.
     """
     lines = []
-    for what, wanted, groups, column, gather in ASKED:
-        own = rows[rows["group"].isin(groups)]
+    for line in real.ASKED:
+        column, gather = line["column"], GATHER[line["gather"]]
+        own = rows[rows["group"].isin(CASES.get(line["of"], [line["of"]]))]
         if column in own and own[column].notna().any():
             told = own.dropna(subset=[column]).groupby("by", sort=False)[column]
-            cells = {by: GATHER[gather](values.tolist()) for by, values in told}
-            lines.append({"asked": what, "wanted": wanted, **cells})
+            cells = {by: gather(values.tolist()) for by, values in told}
+            lines.append({"asked": line["asked"], "wanted": line["wanted"], **cells})
     return lines
 
 

@@ -19,15 +19,8 @@ def flight(chi=(0.5, -0.3, -2.5, 0.01, -0.02, 0.005), *, n=400, lag=0.0, seed=0)
     q /= np.linalg.norm(q, axis=1, keepdims=True)
     w = draw.normal(size=(n, 3))
     u = np.array([20.0, 0, 0, 0]) + draw.normal(size=(n, 4)) * [2.0, 0.1, 0.1, 0.02]
-    log = FlightLog(
-        t=STEP * np.arange(n),
-        p=np.zeros((n, 3)),
-        q=q,
-        v=draw.normal(size=(n, 3)),
-        w=w,
-        u=u,
-        name="made",
-    )
+    t, p, v = STEP * np.arange(n), np.zeros((n, 3)), draw.normal(size=(n, 3))
+    log = FlightLog(t, p, q, v, w, u, name="made")
     acting = lb.acting_command(log, vehicle)
     rate = rigid_body.state_derivative(vehicle, log.x, acting, np.broadcast_to(chi, (n, 6)))
     log.a, log.al = rate[:, 7:10], rate[:, 10:13]

@@ -8,23 +8,12 @@ from diagrams.cli.main import run
 from np_drake.vehicle.text import save_vehicle
 from np_drake.vehicle.vehicle import load_vehicle
 
-MEASURES = [
-    "--mass",
-    "20",
-    "--wheelbase",
-    "1.4",
-    "--propeller",
-    "0.72",
-    "--hover-throttle",
-    "0.5",
-    "--order",
-    "px4",
-]
+MEASURES = "--mass 20 --wheelbase 1.4 --propeller 0.72 --hover-throttle 0.5 --order px4"
 
 
 def test_new_writes_a_file_that_every_verb_takes(tmp_path, capsys):
     out = tmp_path / "lifter.yaml"
-    assert run(["vehicle", "new", *MEASURES, "--name", "lifter", "--out", str(out)]) == 0
+    assert run(["vehicle", "new", *MEASURES.split(), "--name", "lifter", "--out", str(out)]) == 0
     assert load_vehicle(out).name == "lifter"
     assert run(["fly", "circle", "--vehicle", str(out), "--duration", "0.2"]) == 0
     assert "controller: hold" in capsys.readouterr().out
@@ -72,7 +61,9 @@ def test_show_says_where_each_value_comes_from(tmp_path, capsys):
     assert not any(field.startswith("measurement_noise") for field in dut)
 
 
-@pytest.mark.parametrize("start", [MEASURES, ("--preset", "crazyflie")], ids=["measures", "preset"])
+@pytest.mark.parametrize(
+    "start", [MEASURES.split(), ("--preset", "crazyflie")], ids=["measures", "preset"]
+)
 @pytest.mark.parametrize("name", [r"\1 \g<0>", "null", "a: b # c", "a\ngravity: 1", "飞机"])
 def test_new_writes_any_name_as_its_reader_reads_it(start, name, tmp_path):
     out = tmp_path / "mine.yaml"

@@ -54,20 +54,9 @@ def test_the_verb_trains_each_once_and_prints_and_writes_the_same_table(
     tmp_path, short_experiments, capsys
 ):
     out, metrics = tmp_path / "table.md", tmp_path / "table.json"
-    only = [
-        "--only",
-        "np",
-        "--only",
-        "payload_filter",
-        "--seeds",
-        "1",
-        "--jobs",
-        "1",
-        "--seed",
-        "40",
-    ]
+    only = "--only np --only payload_filter --seeds 1 --jobs 1 --seed 40"
     files = ["--markdown", str(out), "--json", str(metrics), "--out", str(tmp_path / "out")]
-    assert run(["reproduce", "tracking", *only, *files]) == 0, capsys.readouterr().err
+    assert run(["reproduce", "tracking", *only.split(), *files]) == 0, capsys.readouterr().err
     rows = [line.split(" | ") for line in out.read_text().splitlines() if line.startswith("| ")]
     assert [row[1] for row in rows] == ["controller", *2 * ["nominal", "np", "payload_filter"]]
     content = json.loads(metrics.read_text())

@@ -19,11 +19,8 @@ from np_drake.payload_filter.kernel import (
 N, STEP, STRIDE, GRAVITY, VEHICLE_MASS = 8, 0.05, 5, 9.81, 2.0
 HOOK = np.array([0.04, -0.03, -0.1])
 MEAN_DECAY, DECAY = 0.6, 0.3
-STEADY, RATE_TORQUE, SPEED_TORQUE = (
-    np.array([0.01, -0.02, 0.005]),
-    np.array([-0.01, -0.02, 0.03]),
-    np.array([0.02, 0.05]),
-)
+STEADY, RATE_TORQUE = np.array([0.01, -0.02, 0.005]), np.array([-0.01, -0.02, 0.03])
+SPEED_TORQUE = np.array([0.02, 0.05])
 
 
 def members(seed: int, count: int) -> np.ndarray:
@@ -35,16 +32,10 @@ def members(seed: int, count: int) -> np.ndarray:
         r /= np.linalg.norm(r)
         across = np.cross(r, rng.standard_normal(3))
         p[0:3], p[3:6], p[6:8] = r, across / np.linalg.norm(across), rng.uniform(-1, 1, 2)
-        p[MASS], p[LOG_LENGTH], p[DAMPING] = (
-            rng.uniform(0.05, 0.2),
-            np.log(rng.uniform(0.5, 1.2)),
-            rng.uniform(0, 0.5),
-        )
-        p[PUSH : PUSH + 3], p[THRUST_ERROR], p[DRAG] = (
-            rng.uniform(-0.2, 0.2, 3),
-            rng.uniform(-0.1, 0.1),
-            0.15,
-        )
+        p[MASS] = rng.uniform(0.05, 0.2)
+        p[LOG_LENGTH] = np.log(rng.uniform(0.5, 1.2))
+        p[DAMPING], p[DRAG] = rng.uniform(0, 0.5), 0.15
+        p[PUSH : PUSH + 3], p[THRUST_ERROR] = rng.uniform(-0.2, 0.2, 3), rng.uniform(-0.1, 0.1)
     return points
 
 
@@ -59,21 +50,8 @@ def plan(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 def forecast_of(points, weight, x, u, acting) -> np.ndarray:
     torque = (STEADY, RATE_TORQUE, SPEED_TORQUE)
-    return along_plan(
-        points,
-        weight,
-        x,
-        u,
-        acting,
-        *torque,
-        HOOK,
-        VEHICLE_MASS,
-        GRAVITY,
-        STEP,
-        STRIDE,
-        MEAN_DECAY,
-        DECAY,
-    )
+    physics = (HOOK, VEHICLE_MASS, GRAVITY, STEP, STRIDE, MEAN_DECAY, DECAY)
+    return along_plan(points, weight, x, u, acting, *torque, *physics)
 
 
 def pulls_of(points, weight, x) -> np.ndarray:
@@ -85,16 +63,8 @@ def pulls_of(points, weight, x) -> np.ndarray:
     length = np.exp(points[:, LOG_LENGTH])
     r, across = points[:, 0:3], points[:, 3:6]
     rate = points[:, 6:7] * across + points[:, 7:8] * np.cross(r, across)
-    pull = swing_many(
-        length,
-        length[:, None] * r,
-        length[:, None] * rate,
-        a,
-        STEP / STRIDE,
-        GRAVITY,
-        damping=points[:, DAMPING],
-        v_hook=fine,
-    )
+    start, options = length[:, None], {"damping": points[:, DAMPING], "v_hook": fine}
+    pull = swing_many(length, start * r, start * rate, a, STEP / STRIDE, GRAVITY, **options)
     pull = np.einsum("nmk,m->nk", pull, weight * points[:, MASS] * VEHICLE_MASS)
     return pull.reshape(N, STRIDE, 3).mean(axis=1)
 

@@ -29,21 +29,12 @@ def unit_of(length: float) -> Scales:
 def flown_as(model: PayloadFilterModel, flight, unit: Scales):
     """Memory and wrench forecast (20, 6) of a similar vehicle on the same flight."""
     state = np.repeat([unit.length, 1.0, unit.length / unit.time, 1 / unit.time], [3, 4, 3, 3])
-    command, wrench = (
-        np.array([unit.force, *[unit.torque] * 3]),
-        np.repeat([unit.force, unit.torque], 3),
-    )
-    dut = PayloadFilter(
-        dc.replace(
-            model,
-            step=model.step * unit.time,
-            mass=model.mass * unit.mass,
-            drag=model.drag / unit.time,
-            drag_deviation=model.drag_deviation / unit.time,
-            hook=model.hook * unit.length,
-            arm=model.arm * unit.length,
-        )
-    )
+    command = np.repeat([unit.force, unit.torque], [1, 3])
+    wrench = np.repeat([unit.force, unit.torque], 3)
+    scaled = {"step": unit.time, "mass": unit.mass, "hook": unit.length, "arm": unit.length}
+    scaled |= {"drag": 1 / unit.time, "drag_deviation": 1 / unit.time}
+    values = {name: getattr(model, name) * factor for name, factor in scaled.items()}
+    dut = PayloadFilter(dc.replace(model, **values))
     memory, k = dut.initial_memory(), 200
     for s in flight.samples[: k + 1]:
         memory = dut.update(memory, Sample(s.x * state, s.u * command, s.chi * wrench))

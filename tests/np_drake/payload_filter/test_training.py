@@ -20,15 +20,8 @@ STEP = 0.02  # [s]
 def as_log(flight, vehicle) -> FlightLog:
     """The made-up flight as a log whose accelerations give its labels."""
     x, u, chi = flight.x, flight.u, np.array([sample.chi for sample in flight.samples])
-    log = FlightLog(
-        t=STEP * np.arange(len(x)),
-        p=x[:, :3],
-        q=x[:, 3:7],
-        v=x[:, 7:10],
-        w=x[:, 10:13],
-        u=u,
-        name="made",
-    )
+    p, q, v, w = np.split(x, [3, 7, 10], axis=1)
+    log = FlightLog(STEP * np.arange(len(x)), p, q, v, w, u, name="made")
     log.a = (chi[:, :3] + u[:, :1] * body_z(x)) / vehicle.mass - [0.0, 0.0, vehicle.gravity]
     log.al = (chi[:, 3:] + u[:, 1:]) @ np.linalg.inv(vehicle.J).T
     return log

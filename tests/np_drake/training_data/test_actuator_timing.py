@@ -26,12 +26,19 @@ def flight(lag: float, *, noise: float = 0.0, n: int = 1500) -> FlightLog:
     still = np.tile([1.0, 0, 0, 0], (n, 1))
     log = FlightLog(t=t, p=np.zeros((n, 3)), q=still, v=np.zeros((n, 3)), w=np.zeros((n, 3)), u=u)
     chi = np.outer(np.sin(3.5 * t), [1.0, 0.5, 1.0, 0.02, 0.02, 0.0]) - [0, 0, 2.5, 0, 0, 0]
-    rate = rigid_body.state_derivative(
-        Vehicle(), log.x, labels.acting_command(log, Vehicle(rotor_time_constant=lag)), chi
-    )
-    log.a = rate[:, 7:10] + noise * draw.normal(size=(n, 3))
-    log.al = rate[:, 10:13] + 5 * noise * draw.normal(size=(n, 3))
+    set_accelerations(log, log, lag, chi)
+    log.a += noise * draw.normal(size=(n, 3))
+    log.al += 5 * noise * draw.normal(size=(n, 3))
     return log
+
+
+def set_accelerations(log: FlightLog, commanded: FlightLog, lag: float, chi=np.zeros(6)):  # noqa: B008
+    """Set those under the commands of another log, which act through `lag` [s], and a wrench."""
+    acting = labels.acting_command(commanded, Vehicle(rotor_time_constant=lag))
+    rate = rigid_body.state_derivative(
+        Vehicle(), log.x, acting, np.broadcast_to(chi, (len(log), 6))
+    )
+    log.a, log.al = rate[:, 7:10].copy(), rate[:, 10:13].copy()
 
 
 def test_a_predictor_carries_the_lag_of_the_rotors_it_was_trained_on():
@@ -44,12 +51,7 @@ def test_a_command_whose_lag_would_have_no_end_tells_none():
     log = flight(0.0)
     wave = np.sin(6.0 * log.t)
     log.u = np.column_stack([20.0 + wave, 0.1 * wave, 0.1 * wave, np.zeros(len(log))])
-    still = np.zeros((len(log), 6))
-    late = labels.acting_command(
-        log, Vehicle(rotor_time_constant=0.5)
-    )  # far beyond the longest that is looked for
-    rate = rigid_body.state_derivative(Vehicle(), log.x, late, still)
-    log.a, log.al = rate[:, 7:10], rate[:, 10:13]
+    set_accelerations(log, log, 0.5)  # far beyond the longest that is looked for
     assert learned_rotor_lag([(log, Vehicle())]) == 0.0
 
 
@@ -65,23 +67,12 @@ def test_a_lag_of_the_vehicle_file_and_measured_rotors_are_believed():
 def test_delay_and_lag_are_found_together(lag, delay):
     log = flight(lag, noise=0.1)
     log.u = flight(0.0).u
-    late = delayed(log, delay)
-    rate = rigid_body.state_derivative(
-        Vehicle(),
-        log.x,
-        labels.acting_command(late, Vehicle(rotor_time_constant=lag)),
-        np.zeros((len(log), 6)),
-    )
-    log.a, log.al = rate[:, 7:10], rate[:, 10:13]
+    set_accelerations(log, delayed(log, delay), lag)
     found = learned_timing([(log, Vehicle())], [0.005 * i for i in range(25)])
     assert found == (pytest.approx(lag, abs=0.003), pytest.approx(delay, abs=0.0051))  # [s]
 
 
 def test_a_named_lag_is_taken_and_the_delay_found_beside_it():
     named, log = Vehicle(rotor_time_constant=0.03), flight(0.03)
-    late = delayed(log, 0.04)
-    rate = rigid_body.state_derivative(
-        named, log.x, labels.acting_command(late, named), np.zeros((len(log), 6))
-    )
-    log.a, log.al = rate[:, 7:10], rate[:, 10:13]
+    set_accelerations(log, delayed(log, 0.04), 0.03)
     assert learned_timing([(log, named)], [0.0, 0.02, 0.04, 0.06]) == (0.0, 0.04)
