@@ -87,27 +87,30 @@ def test_without_delay_or_without_a_state_a_forecast_begins_now():
     assert predictor(0.05, np.full(13, np.nan)).start is None
 
 
-def oracle(delay, plan_from):
-    """The oracle at 0.5 m/s against drag, with 10 % more thrust under way."""
-    model = TrueModel(VEHICLE, None, [LinearDrag(0.25, 0.25, 0.25)], [], delay)
+STILL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
+
+
+def foreseen(model, *, time=0.0, **values):
+    """What an oracle forecasts of these inputs; where none is given, in hover."""
     dut = WrenchOracle(model, CONFIG, period=STEP)
     context = dut.CreateDefaultContext()
-    values = {
-        "plant_state": np.array([1.0, 0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0.5, 0, 0]),
-        "rotor_thrust": np.full(4, HOVER[0] / 4),
-        "plan_u": np.tile(HOVER, 5),
-        "plan_x": np.tile(plan_from, 6),
-        "x": LEVEL,
-        "sent": np.tile(1.1 * HOVER, KEPT),
-        "delay": [delay],
-    }
-    for name, value in values.items():
+    context.SetTime(time)
+    hover = {"rotor_thrust": np.full(4, HOVER[0] / 4), "plan_u": np.tile(HOVER, 5)}
+    for name, value in (hover | {"plan_x": np.tile(STILL, 6)} | values).items():
         dut.GetInputPort(name).FixValue(context, value)
     return evaluate(dut, context, "forecast")
 
 
 def test_the_oracle_knows_the_commands_that_are_under_way():
-    forecast = oracle(0.05, LEVEL)
+    """At 0.5 m/s against drag, with 10 % more thrust under way."""
+    forecast = foreseen(
+        TrueModel(VEHICLE, None, [LinearDrag(0.25, 0.25, 0.25)], [], 0.05),
+        plan_x=np.tile(LEVEL, 6),
+        plant_state=np.array([1.0, 0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0.5, 0, 0]),
+        x=LEVEL,
+        sent=np.tile(1.1 * HOVER, KEPT),
+        delay=[0.05],
+    )
     climb = 0.1 * VEHICLE.gravity * 0.05  # of 10 % more thrust over the delay [m/s]
     np.testing.assert_allclose(forecast.start[9], climb, rtol=0.02)
     np.testing.assert_allclose(
@@ -115,27 +118,12 @@ def test_the_oracle_knows_the_commands_that_are_under_way():
     )
 
 
-STILL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
-
-
-def oracle_over(payload, effects=()):
-    dut = WrenchOracle(TrueModel(VEHICLE, payload, [], [*effects]), CONFIG, period=0.02)
-    context = dut.CreateDefaultContext()
-    dut.GetInputPort("rotor_thrust").FixValue(context, np.full(4, VEHICLE.hover_input[0] / 4))
-    dut.GetInputPort("plan_u").FixValue(context, np.tile(VEHICLE.hover_input, 5))
-    dut.GetInputPort("plan_x").FixValue(context, np.tile(STILL, 6))
-    return dut, context
-
-
 def test_a_payload_to_the_side_pulls_to_the_side_and_turns_the_body():
-    dut, context = oracle_over(Payload())
-    state = np.zeros(26)
+    state, angle = np.zeros(26), 0.3
     state[[0, 7]] = 1.0
-    angle = 0.3
     state[4:7] = [0, 0, 1.0]
     state[11:14] = [0.8 * np.sin(angle), 0, 1.0 - 0.025 - 0.8 * np.cos(angle)]
-    dut.GetInputPort("plant_state").FixValue(context, state)
-    chi = dut.GetOutputPort("forecast").Eval(context).offset[0]
+    chi = foreseen(TrueModel(VEHICLE, Payload(), [], []), plant_state=state).offset[0]
     tension = 0.26 * 9.81 * np.cos(angle)
     np.testing.assert_allclose(
         chi[:3], tension * np.array([np.sin(angle), 0, -np.cos(angle)]), rtol=0.02, atol=1e-9
@@ -144,9 +132,7 @@ def test_a_payload_to_the_side_pulls_to_the_side_and_turns_the_body():
 
 
 def test_a_drift_is_foreseen_from_the_flights_own_time():
-    dut, context = oracle_over(None, [ThrustDrift(1.0, -0.01)])
-    context.SetTime(10.0)
-    dut.GetInputPort("rotor_thrust").FixValue(context, np.full(4, 0.9 * VEHICLE.hover_input[0] / 4))
-    dut.GetInputPort("plant_state").FixValue(context, np.array([1.0, *np.zeros(12)]))
-    chi = dut.GetOutputPort("forecast").Eval(context).offset
-    np.testing.assert_allclose(chi[0, 2], -0.1 * VEHICLE.hover_input[0], rtol=0.01)
+    model = TrueModel(VEHICLE, None, [], [ThrustDrift(1.0, -0.01)])
+    state, thrust = np.array([1.0, *np.zeros(12)]), np.full(4, 0.9 * HOVER[0] / 4)
+    chi = foreseen(model, time=10.0, rotor_thrust=thrust, plant_state=state).offset
+    np.testing.assert_allclose(chi[0, 2], -0.1 * HOVER[0], rtol=0.01)
