@@ -115,8 +115,7 @@ def model_predictions(
     zeta_known: bool,
     seen: SampledFlight | None = None,
 ) -> np.ndarray:
-    """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that walks along a flight, see
-    `flight_walk`.
+    """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that walks along a flight.
 
     Args:
         chi: (n, 6) labels [N, N·m].

@@ -7,13 +7,11 @@ to zero along the others.
 """
 
 import dataclasses as dc
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import scipy
 
-from np_drake.training_data.segments import Segment, group_scale, white_noise
+from np_drake.training_data.segments import group_scale, white_noise
 
 
 def turns(zeta: np.ndarray) -> list[np.ndarray]:
@@ -103,17 +101,6 @@ def measure_excitation(zeta: list[np.ndarray], *, step: float = 1.0) -> Excitati
     gain = 1.0 / (1.0 + (THRESHOLD / signal) ** 4)
     frequency, share = _strongest_line(max(zeta, key=len) / sigma, step)
     return Excitation(sigma, directions, np.sqrt(variance), gain, frequency, share)
-
-
-def training_summary(segments: Sequence[Segment], loss: float, step: float) -> dict[str, Any]:
-    """Return the key figures of a training in closed form.
-
-    Args:
-        loss: at its end [1].
-        step: between samples [s].
-    """
-    text = measure_excitation([segment.zeta for segment in segments], step=step).text
-    return {"samples": sum(map(len, segments)), "loss": {"all": loss}, "excitation": text}
 
 
 def _strongest_line(zeta: np.ndarray, step: float) -> tuple[float, float]:

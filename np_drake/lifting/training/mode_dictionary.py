@@ -32,17 +32,8 @@ from np_drake.lifting.model.lifted_linear_system import (
 )
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.excitation import training_summary, turns
+from np_drake.lifting.training.excitation import measure_excitation, turns
 from np_drake.training_data.segments import Segment, check_segments, group_scale
-
-
-def sample_scale(segments: Sequence[Segment]) -> np.ndarray:
-    """Return scales of a sample [chi, zeta], (12,): one each for force, torque, v and omega [N,
-    N·m, m/s, rad/s].
-    """
-    chi = group_scale([segment.goal for segment in segments], centred=True)
-    return np.concatenate([chi, group_scale([segment.zeta for segment in segments], centred=True)])
-
 
 GROUPS = (slice(0, 3), slice(3, 6))  # force, torque
 TURNS = tuple(turns(np.eye(6)))  # (6, 6) each: row vectors chi and zeta times it are their images
@@ -100,20 +91,6 @@ def flight_moments(
     return Moments(gram, cross, np.mean(Y**2, axis=0), np.maximum(power, 1e-12))
 
 
-def moments_of(segments: Sequence[Segment], scale: np.ndarray, **options) -> list[Moments]:
-    """Return the moments of all flights, scaled.
-
-    Args:
-        scale: (12,) of [chi, zeta] [N, N·m, m/s, rad/s].
-        options: of `flight_moments`.
-    """
-    samples = [np.hstack([s.chi, s.zeta]) / scale for s in segments]
-    return [
-        flight_moments(x, s.goal / scale[:6], **options)
-        for x, s in zip(samples, segments, strict=True)
-    ]
-
-
 def relative_error(flight: Moments, W: np.ndarray) -> np.ndarray:
     """Return the mean squared error of a forecast over `power`, (H, 2), force and torque [1].
 
@@ -163,18 +140,6 @@ def symmetrised(
     """
     grams, crosses = (np.mean(moments, axis=0) for moments in zip(*images, strict=True))
     return (1 - share) * gram + share * grams, (1 - share) * cross + share * crosses
-
-
-def horizon_grid(longest: int, count: int) -> np.ndarray:
-    """Return whole numbers from 0 on, evenly spaced on a logarithmic axis.
-
-    Args:
-        longest: the last of them [steps].
-        count: how many at most [1].
-    """
-    return np.unique(np.concatenate([[0], np.round(np.geomspace(1, longest, count - 1))])).astype(
-        int
-    )
 
 
 def _grouped(square: np.ndarray) -> np.ndarray:
@@ -389,8 +354,9 @@ class ModeDictionaryConfig:
 
     @property
     def grid(self) -> np.ndarray:
-        """Fitted horizons [steps]."""
-        return horizon_grid(self.horizon, self.horizons)
+        """Fitted horizons [steps]: 0 and whole numbers evenly spaced on a logarithmic axis."""
+        later = np.round(np.geomspace(1, self.horizon, self.horizons - 1))
+        return np.unique(np.append(0, later)).astype(int)
 
 
 def train_mode_dictionary(
@@ -402,11 +368,21 @@ def train_mode_dictionary(
     """
     segments = check_segments(segments, config.delay + config.horizon + 1)
     step = float(np.median([segment.step for segment in segments]))
-    scale = sample_scale(segments)
-    options = {"taps": config.taps, "horizons": config.grid, "max_origins": config.max_origins}
+    columns = [s.goal for s in segments], [s.zeta for s in segments]
+    # Of a sample [chi, zeta], one each for force, torque, v and omega [N, N·m, m/s, rad/s]
+    scale = np.concatenate([group_scale(values, centred=True) for values in columns])
     flights: list[Moments] = []
     for number, segment in enumerate(segments):
-        flights += moments_of([segment], scale, symmetry=config.symmetry, **options)
+        flights.append(
+            flight_moments(
+                np.hstack([segment.chi, segment.zeta]) / scale,
+                segment.goal / scale[:6],
+                taps=config.taps,
+                horizons=config.grid,
+                max_origins=config.max_origins,
+                symmetry=config.symmetry,
+            )
+        )
         on_epoch(number + 1, len(segments) + 2, np.inf)
     modes = time_constants(config.force_modes, config.torque_modes, LEVEL_MEMORY / step)
     weights = np.sqrt(np.mean([1.0 / flight.power for flight in flights], axis=0))
@@ -418,7 +394,9 @@ def train_mode_dictionary(
     loss = float(np.mean([relative_error(flight, fitted) for flight in flights]))
     on_epoch(len(segments) + 2, len(segments) + 2, loss)
     model = _assemble(config, modes, encoder, B, projector, scale, step, segments)
-    return dc.replace(model, summary=training_summary(segments, loss, step)), [loss]
+    text = measure_excitation([segment.zeta for segment in segments], step=step).text
+    summary = {"samples": sum(map(len, segments)), "loss": {"all": loss}, "excitation": text}
+    return dc.replace(model, summary=summary), [loss]
 
 
 def _response(
