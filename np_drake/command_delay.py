@@ -150,9 +150,7 @@ def newest_first(sent: np.ndarray, u: np.ndarray) -> np.ndarray:
         sent: (KEPT, 4) commands, the newest first [N, N·m].
         u: (4,) new command; one with NaN is taken as the last again.
     """
-    new = np.empty_like(sent)
-    new[0], new[1:] = u if finite(u) else sent[0], sent[:-1]
-    return new
+    return np.vstack([u if finite(u) else sent[0], sent[:-1]])
 
 
 def acting_command(sent: np.ndarray, delay: float) -> np.ndarray:

@@ -222,6 +222,7 @@ class FlightLog:
 
     def taken(self, rows: slice | np.ndarray) -> "FlightLog":
         """Return a log of these rows alone."""
-        arrays = {k: value for k, value in vars(self).items() if isinstance(value, np.ndarray)}
-        cut: dict[str, Any] = {name: value[rows] for name, value in arrays.items()}
+        cut: dict[str, Any] = {
+            name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)
+        }
         return dc.replace(self, **cut, notes=list(self.notes))

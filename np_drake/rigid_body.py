@@ -8,7 +8,7 @@ leading axes.
 import numpy as np
 
 from np_drake import attitude
-from np_drake.compiled import compiled
+from np_drake.compiled import compiled, times
 from np_drake.vehicle import Vehicle
 
 P, Q, V, W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)  # parts of the state
@@ -59,10 +59,8 @@ def residual_wrench(
         (..., 6) chi = [f_e in W, tau_e in B] [N, N·m].
     """
     if max(map(np.ndim, (q, w, a, al, u))) == 1:  # one instant of the simulator
-        chi = np.empty(6)
         given = (np.asarray(value, float) for value in (q, w, a, al, u))
-        _residual_wrench(*given, float(vehicle.mass), float(vehicle.gravity), vehicle.J, chi)
-        return chi
+        return _residual_wrench(*given, float(vehicle.mass), float(vehicle.gravity), vehicle.J)
     f = vehicle.mass * np.asarray(a, float) - u[..., :1] * attitude.body_z(q)
     f[..., 2] += vehicle.mass * vehicle.gravity
     J = vehicle.J
@@ -71,19 +69,20 @@ def residual_wrench(
 
 
 @compiled
-def _residual_wrench(q, w, a, al, u, mass, gravity, J, out):
-    """Write `residual_wrench` of one instant to out (6,)."""
+def _residual_wrench(q, w, a, al, u, mass, gravity, J):
+    """Return `residual_wrench` of one instant, (6,)."""
     z = (
         2 * (q[1] * q[3] + q[0] * q[2]),
         2 * (q[2] * q[3] - q[0] * q[1]),
         q[0] * q[0] - q[1] * q[1] - q[2] * q[2] + q[3] * q[3],
     )
-    h = np.empty(3)
+    h, change = times(J, w[0], w[1], w[2]), times(J, al[0], al[1], al[2])
+    out = np.empty(6)
     for row in range(3):
         out[row] = mass * a[row] - u[0] * z[row]
-        h[row] = J[row, 0] * w[0] + J[row, 1] * w[1] + J[row, 2] * w[2]
-        out[3 + row] = J[row, 0] * al[0] + J[row, 1] * al[1] + J[row, 2] * al[2] - u[1 + row]
+        out[3 + row] = change[row] - u[1 + row]
     out[2] += mass * gravity
     out[3] += w[1] * h[2] - w[2] * h[1]
     out[4] += w[2] * h[0] - w[0] * h[2]
     out[5] += w[0] * h[1] - w[1] * h[0]
+    return out
