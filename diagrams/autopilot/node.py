@@ -213,6 +213,7 @@ class Node:
         self._begin = np.inf  # time of the first tick [s]
         at_rest = np.array([*self._place(0.0), 1.0, *np.zeros(9)])
         self._anchor = Anchor.at(at_rest, self._place(0.0))  # until there is one
+        self._axes = self._anchor.q_TW  # that the memory is in
         self._next_step = self._next_heartbeat = -np.inf
         # when the autopilot handed over, and was asked to hold its place [s]
         self._handed_over = self._left_at = np.inf
@@ -311,7 +312,7 @@ class Node:
         heard, self._heard = self.listen(), []
         for said in heard:
             self.readings.take(said, now)
-        reading, start, axes = self.readings.at(now), self._place(0.0), self._anchor.q_TW
+        reading, start = self.readings.at(now), self._place(0.0)
         self.x, self._is_known = reading.x, not reading.problem
         if self._is_known and self.phase is Phase.WAITING and not self._is_trusted:
             self._anchor = Anchor.at(reading.x, start)
@@ -320,8 +321,9 @@ class Node:
         problem = reading.problem or self._out_of_order(reading)
         self._is_trusted = not problem
         self._change(now, problem or self._too_late(now))
-        if self._anchor.q_TW is not axes:
+        if self._is_trusted and self._anchor.q_TW is not self._axes:
             # forget all that was measured; a step that goes on meanwhile does not count
+            self._axes = self._anchor.q_TW
             self._memory = self._companion.CreateDefaultContext()
             self._answer, self._next_step = None, -np.inf
             self._without_answer, self._is_owed = 0, False
@@ -393,13 +395,13 @@ class Node:
             self._without_answer, self._is_owed = 0, False
 
     def _begin_step(self, reading: Reading, x: np.ndarray, a: np.ndarray) -> None:
-        in_force, acts = self._sent, self.phases.handed_over
-        if not acts and np.isfinite(reading.in_force).all():
+        in_force, teaches = self._sent, self.phases.handed_over
+        if not teaches and np.isfinite(reading.in_force).all():
             in_force = reading.in_force.copy()
             in_force[0] = thrust_of(self._vehicle, in_force[0], self.readings.voltage)
             # nothing is learned on the ground, nor by commands that are older than what is felt
-            acts = reading.as_felt and in_force[0] >= LEVEL_THRUST[0] * self._weight
-        a = a if acts else np.full(6, np.nan)
+            teaches = reading.as_felt and in_force[0] >= LEVEL_THRUST[0] * self._weight
+        a = a if teaches else np.full(6, np.nan)
         lift = in_force[0] * attitude.body_z(x[Q])[2] - self._vehicle.mass * a[2]
         if self._is_trusted and np.isfinite(lift):
             share = self.config.controller.period / HEIGHT_KEPT

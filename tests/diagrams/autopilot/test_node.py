@@ -18,6 +18,7 @@ from tests.diagrams.autopilot.rail import (
     SOLVER,
     STATE_LOST,
     TICK,
+    Busy,
     Fault,
     Rail,
     flight,
@@ -130,6 +131,31 @@ def test_when_it_leaves_the_autopilot_holds_its_place_or_is_left_level(holds):
     assert rail.phases == ["ready", "flying", *([] if holds else ["level"]), "stopped"]
     assert ("does not hold" in rail.node.phases.reason) == (not holds)
     assert holds or rail.silent_from(FLYING_AT) == pytest.approx(3.5, abs=0.05)
+
+
+# Of a machine that is busy: controller, payload [kg], real-time factor [1], when heartbeats come
+# [s], mean time of a solve where it is idle [s].
+HANDOVERS = [("np", 0.26, 0.6, 0.1, 0.01), ("payload_filter", 0.4, 0.3, 0.95, 0.004)]
+_rng = np.random.default_rng(90)
+MANY = [
+    (kind, *_rng.uniform([0.0, 0.2, 0.0, 0.002], [0.4, 1.0, 1.0, 0.02]))
+    for kind in np.resize(["np", "payload_filter", "hold"], 200)
+]
+
+
+@pytest.mark.parametrize(
+    "case", [*HANDOVERS, *(pytest.param(one, marks=pytest.mark.nightly) for one in MANY)]
+)
+def test_a_payload_is_taken_over_on_a_busy_machine_without_sagging(case, monkeypatch, capsys):
+    dut = Busy(*case).fly(2.0, monkeypatch)
+    phases = [phase.value for _, phase, _ in dut.node.events]
+    print(case, phases, dut.node.lacks, np.max(dut.heights[:1], initial=0) - min(dut.heights, default=0))
+    if phases:
+        assert phases == ["ready", "flying", "stopped"]
+        assert min(dut.heights) > dut.heights[0] - 0.1  # [m]
+    else:
+        assert "too slow" in dut.node.lacks
+        assert not dut.autopilot.handovers
 
 
 # Real time
