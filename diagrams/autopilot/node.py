@@ -186,6 +186,7 @@ class Node:
 
     def __init__(self, config: FlightConfig, link: MavlinkLink, worker: SolverThread):
         self.config, self._limits = config, config.offboard.check()
+        self._motion = config.motion
         self._link, self._worker = link, worker
         ticks = config.controller.period * config.offboard.rate
         require(
@@ -362,7 +363,7 @@ class Node:
 
     def _place(self, t: float) -> np.ndarray:
         """Return where the vehicle should be (3,) at a time on the reference [m, s]."""
-        return self.config.motion.sample(np.array([t]))[0, 0]
+        return self._motion.sample(np.array([t]))[0, 0]
 
     def _change(self, now: float, problem: str) -> None:
         before, self._problem = self.phase, problem

@@ -14,6 +14,7 @@ from typing import Any
 from pydrake.systems.framework import System
 
 from diagrams.batch.run import one_line, require
+from np_drake.files.interruption import Ended
 
 # Maker of a new system a flight: called with those of `vehicle` (that the controller assumes),
 # `reference` (the motion to follow) and `period` [s] that it names, and with its own parameters.
@@ -73,7 +74,7 @@ def load_factory(kind: str) -> Factory:
             module = _module_of_file(place, Path(place).stat().st_mtime_ns)
         else:
             module = importlib.import_module(place)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Ended):
         raise
     except BaseException as error:  # whatever the user's module raises, an exit among it
         why = one_line(error)
@@ -140,7 +141,7 @@ def make_own_controller(
     given = {p.name: offered[p.name] for p in known if p.name in offered}
     try:
         system = factory(**given, **parameters)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Ended):
         raise
     except BaseException as error:  # whatever the user's code raises, an exit among it
         raise ValueError(f"{who}: cannot be made: {one_line(error)}.") from error

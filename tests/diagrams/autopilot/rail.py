@@ -15,6 +15,7 @@ from np_drake.autopilot.simulated import BOOT, SimulatedAutopilot
 from np_drake.mpc import controller
 from np_drake.rigid_body import P, Q, V
 from np_drake.vehicle.scaling import usual_rate_loop
+from systems.offboard_autopilot import PERIOD
 from tests.np_drake.autopilot.channel import Channel, local_position
 
 TICK, WAY = 0.01, 0.001  # of a node, and of a message [s]
@@ -232,10 +233,12 @@ class Busy:
 
     def _advance(self, step: float) -> None:
         self.flown += step
-        self._simulator.AdvanceTo(self.flown)
-        if self.autopilot.engaged:
-            context = self._vehicle.GetMyContextFromRoot(self._simulator.get_context())
-            self.heights.append(self._vehicle.GetOutputPort("x").Eval(context)[2])
+        context, due = self._simulator.get_context(), PERIOD * int(self.flown / PERIOD)
+        if due > context.get_time():
+            self._simulator.AdvanceTo(due)
+            if self.autopilot.engaged:
+                x = self._vehicle.GetOutputPort("x")
+                self.heights.append(x.Eval(self._vehicle.GetMyContextFromRoot(context))[2])
 
     def submit(self, step) -> None:
         takes = self._solve * (0.5 + self._rng.exponential(0.5)) * (1 + self._idle)

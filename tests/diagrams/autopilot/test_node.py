@@ -138,8 +138,8 @@ def test_when_it_leaves_the_autopilot_holds_its_place_or_is_left_level(holds):
 HANDOVERS = [("np", 0.26, 0.6, 0.1, 0.01), ("payload_filter", 0.4, 0.3, 0.95, 0.004)]
 _rng = np.random.default_rng(90)
 MANY = [
-    (kind, *_rng.uniform([0.0, 0.2, 0.0, 0.002], [0.4, 1.0, 1.0, 0.02]))
-    for kind in np.resize(["np", "payload_filter", "hold"], 200)
+    (kind, *_rng.uniform([0.0, 0.2, 0.0, 0.002], [0.4, 1.0, 1.0, 0.02]).tolist())
+    for kind in [*66 * ["np", "payload_filter", "hold"], "np", "payload_filter"]
 ]
 
 
@@ -147,9 +147,9 @@ MANY = [
     "case", [*HANDOVERS, *(pytest.param(one, marks=pytest.mark.nightly) for one in MANY)]
 )
 def test_a_payload_is_taken_over_on_a_busy_machine_without_sagging(case, monkeypatch, capsys):
-    dut = Busy(*case).fly(2.0, monkeypatch)
+    dut = Busy(*case).fly(1.0, monkeypatch)
     phases = [phase.value for _, phase, _ in dut.node.events]
-    print(case, phases, dut.node.lacks, np.max(dut.heights[:1], initial=0) - min(dut.heights, default=0))
+    print(*case, phases, dut.node.lacks, dut.heights[:1], min(dut.heights, default=0), sep=";")
     if phases:
         assert phases == ["ready", "flying", "stopped"]
         assert min(dut.heights) > dut.heights[0] - 0.1  # [m]
