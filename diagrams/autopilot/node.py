@@ -53,9 +53,8 @@ SLOW = 0.5  # speed above which nothing begins [m/s]; source: own choice
 WARM_UP = 5  # steps before the first message [1]
 LEVEL_THRUST = np.array([0.5, 1.6])  # of level thrust over the weight [1]; source: own choice
 PATIENCE = 0.7  # share of a tick that a solve may take [1]; source: own choice
-# The controller's last periods before it commands, and how many of them may lack an answer [1];
-# source: own choice, half a second, and half of them
-JUDGED, TOO_LATE = 25, 12
+# share of the periods of `settle` that may lack an answer before it commands [1]; source: own choice
+LATE = 0.5
 HEIGHT_KEPT = 0.3  # over which the thrust that holds height is averaged [s]; source: own choice
 LOOKS = 0.5  # between two calls of the monitor, or two looks at a simulated flight [s]
 
@@ -224,7 +223,8 @@ class Node:
         self._is_known = self._is_trusted = False
         self._is_owed = False  # an answer, since the period began
         self._without_answer = 0  # periods in succession [1]
-        self._late = deque[bool](maxlen=JUDGED)  # whether each period lacked an answer
+        # whether each period of the last `settle` lacked an answer
+        self._late = deque[bool](maxlen=round(self._limits.settle / config.controller.period) or 1)
         self._sent = np.array([self._weight, 0.0, 0.0, 0.0])
         self._lift, self._problem = self._weight, ""  # that holds height [N]; what is not in order
         # what is compiled or built on first use is done before it matters
@@ -354,9 +354,10 @@ class Node:
 
     def _too_late(self, now: float) -> str:
         """Return who does not answer in time, the controller or an autopilot that is left."""
-        if self.phase is Phase.WAITING and sum(self._late) > TOO_LATE:
-            return f"this machine is too slow: {sum(self._late)} of {JUDGED} solves were late"
-        if self.phase.sends and self._without_answer >= self._limits.late_solves:
+        late, most = sum(self._late), self._late.maxlen or 1
+        if self.phase is Phase.WAITING and late > LATE * most:
+            return f"this machine is too slow: {late} of the last {most} solves were late"
+        if self._without_answer >= self._limits.late_solves:
             return f"no answer of the controller for {self._without_answer} periods"
         is_left = now > self._left_at + LEAVES
         return "the autopilot does not hold its place when it is asked to" if is_left else ""
@@ -380,7 +381,7 @@ class Node:
         period = self.config.controller.period
         if now >= self._next_step - 1e-9:
             missed = (now - self._next_step) / period if self._next_step > -np.inf else 0.0
-            self._late.extend([self._is_owed] + [True] * min(int(missed), JUDGED))
+            self._late.extend([self._is_owed, *int(min(missed, 1 / period)) * [True]])
             self._next_step = max(self._next_step, now - period) + period
             self._without_answer += self._is_owed
             self.counts["late"] += self._is_owed

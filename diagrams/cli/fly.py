@@ -489,7 +489,7 @@ def node(
         write_log(flown, file)
         say(f"log: {file}")
     return Report(
-        nodes.tables(flying),
+        nodes.tables(flying) if flying.events else [],
         config={
             "experiment": config.name,
             "controller": config.controller.name,

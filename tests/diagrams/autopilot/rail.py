@@ -25,7 +25,7 @@ SOLVER = ("hanging solve", "failing solve", "command not finite")
 KINDS = {
     **dict.fromkeys((*STATE_LOST, *SOLVER, "noise", "node restart", "pilot"), 0.0),
     **{"loss": 0.7, "delay": 0.2, "disorder": 0.2},  # share [1], times [s]
-    **{"clock jump": 50.0, "late solves": 0.03},  # [s]
+    **{"clock jump": 50.0, "late solves": 0.03, "slow machine": 0.05},  # [s]
     **{"position jump": 9.0, "absurd speed": 1e3},  # [m], [m/s]
 }
 
@@ -73,7 +73,7 @@ class AtOnce:
         self._clock, self._fault, self._pending = clock, fault, None
 
     def submit(self, step) -> None:
-        slow = {"late solves": KINDS["late solves"], "hanging solve": np.inf}
+        slow = {"hanging solve": np.inf, **{k: KINDS[k] for k in ("late solves", "slow machine")}}
         takes = slow.get(self._fault.kind, 0.0) if self._fault.acts(self._clock()) else 0.0
         self._pending = self._pending or (self._clock() + takes, step)
 

@@ -1,5 +1,6 @@
 """Laws of a node: what it commands and when, when it stops, what it records, its real time."""
 
+import dataclasses as dc
 import threading
 import time
 
@@ -10,8 +11,9 @@ from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import Node, SolverThread, answer_of, make_companion_diagram
 from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
 from np_drake.autopilot.offboard import OffboardConfig
-from np_drake.autopilot.simulated import SimulatedAutopilot
+from np_drake.autopilot.simulated import SimulatedAutopilot, thrust_of
 from np_drake.references.config import ReferenceConfig
+from np_drake.rigid_body import P, V
 from tests.diagrams.autopilot.rail import (
     KINDS,
     PLACE,
@@ -20,6 +22,7 @@ from tests.diagrams.autopilot.rail import (
     TICK,
     Busy,
     Fault,
+    FaultyAutopilot,
     Rail,
     flight,
     hover,
@@ -108,6 +111,51 @@ def test_no_fault_raises_and_one_that_lasts_ends_the_commands(kind):
 def test_a_short_fault_is_levelled_and_flown_on_from(kind, lasts):
     rail = Rail(hover(), Fault(kind, FLYING_AT, lasts)).advance(FLYING_AT + 1.0)
     assert rail.phases == ["ready", "flying", *(["level", "flying"] if lasts > 0.1 else [])]
+
+
+def test_a_vehicle_that_the_pilot_flies_on_is_commanded_and_braked_before_it_is_flown():
+    rail = Rail(hover()).advance(1.0)
+    before = len(rail.sent)
+    for k in range(100):
+        rail.x[V] = [1.5, 0.0, 0.5]
+        rail.x[P] = PLACE + 0.01 * (k + 1) * rail.x[V]
+        rail.autopilot.step = lambda t, x: rail.autopilot.in_force  # the pilot's
+        rail.advance(rail.time + TICK)
+    assert rail.phases == ["ready"]
+    assert len(rail.sent) == before + 100
+    rail.autopilot.engaged = rail.node.readings.engaged = True
+    rail.advance(rail.time + 0.2)
+    assert rail.node.flown_for == 0.0
+    assert rail.sent[-1][1].rates[1] < -0.1  # nose up
+    rail.x[V] = 0.0
+    rail.advance(rail.time + 0.2)
+    start = rail.config.motion.sample(np.zeros(1))[0, 0]
+    np.testing.assert_allclose(rail.node.flown.p[0], start, atol=1e-3)
+
+
+@pytest.mark.parametrize("kind", [*STATE_LOST, *SOLVER])
+def test_one_that_is_ready_levels_before_it_is_silent(kind):
+    rail = Rail(hover(), Fault(kind, 1.0, 3.0)).advance(3.0)
+    limits, period = rail.config.offboard, rail.config.controller.period
+    noticed = limits.stale_after if kind in STATE_LOST else (limits.late_solves + 1) * period
+    assert rail.phases == ["ready", "level", "waiting"]
+    assert limits.level <= rail.silent_from(1.0) <= noticed + limits.level + 0.03
+
+
+def test_level_thrust_is_what_held_height_before():
+    rail = Rail(hover(), Fault("hanging solve", FLYING_AT, 3.0))
+    heavy = dc.replace(rail.config.vehicle, mass=1.2 * rail.config.vehicle.mass)
+    rail.autopilot = FaultyAutopilot(heavy, rail.fault)
+    rail.advance(FLYING_AT + 0.5)
+    assert rail.phases[-1] == "level"
+    thrust = thrust_of(heavy, rail.sent[-1][1].thrust)
+    assert thrust == pytest.approx(heavy.mass * heavy.gravity, rel=0.03)
+
+
+def test_a_machine_that_is_too_slow_commands_nothing_and_says_so():
+    rail = Rail(hover(), Fault("slow machine", 0.0, 9.0)).advance(2.0)
+    assert rail.sent == []
+    assert "too slow" in rail.node.lacks
 
 
 def test_when_the_pilot_takes_over_it_is_silent_for_good():
