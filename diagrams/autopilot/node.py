@@ -53,7 +53,7 @@ SLOW = 0.5  # speed above which nothing begins [m/s]; source: own choice
 WARM_UP = 5  # steps before the first message [1]
 LEVEL_THRUST = np.array([0.5, 1.6])  # of level thrust over the weight [1]; source: own choice
 PATIENCE = 0.7  # share of a tick that a solve may take [1]; source: own choice
-# share of the periods of `settle` that may lack an answer before it commands [1]; source: own choice
+# share of the periods of `settle` that may lack an answer [1]; source: own choice
 LATE = 0.5
 HEIGHT_KEPT = 0.3  # over which the thrust that holds height is averaged [s]; source: own choice
 LOOKS = 0.5  # between two calls of the monitor, or two looks at a simulated flight [s]
