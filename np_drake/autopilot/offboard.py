@@ -159,7 +159,6 @@ class Reading:
     # (4,) thrust over that at full throttle, body rates, as the autopilot tells [1, rad/s]
     in_force: np.ndarray
     as_felt: bool  # whether that is as new as the acceleration
-    engaged: bool  # whether the autopilot follows what is sent
     problem: str  # that keeps it from being flown by; empty for none
 
 
@@ -173,7 +172,8 @@ class Readings:
         self.voltage: float | None = None  # of the battery [V]; None: not known
         self.ages: deque[float] = deque(maxlen=KEPT)  # of the states that were read [s]
         self.autopilot = 0  # its kind, MAV_AUTOPILOT
-        self.engaged, self._heard = False, -np.inf
+        self.engaged = False  # whether the autopilot follows what is sent
+        self._heard = -np.inf
         # throttle and body rates (4,) that were sent last [1, rad/s]
         self.sent: deque[np.ndarray] = deque(maxlen=round(config.rate))
         self._forget()
@@ -235,7 +235,7 @@ class Readings:
                 self._age(self._inertial[-1], now) if is_felt else -np.inf
             )
             as_felt = older < AS_FELT / self._config.rate
-        return Reading(x, acceleration, in_force, as_felt, self.engaged, problem)
+        return Reading(x, acceleration, in_force, as_felt, problem)
 
     def _compare(self, told: Command) -> None:
         """Take the vehicle as handed over where the commands in force change as those sent do."""

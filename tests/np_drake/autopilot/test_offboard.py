@@ -314,13 +314,13 @@ def test_mode_voltage_and_what_is_in_force_are_those_said_last(dut):
     found = dut.at(0.0)
     assert found.problem
     assert np.isnan([*found.x, *found.acceleration, *found.in_force]).all()
-    assert not found.engaged
+    assert not dut.engaged
     at_rest(dut)
     dut.take(Heartbeat(True, PX4), 1.0)
     dut.take(Battery(15.2), 1.0)
     dut.take(Command(np.array([0.1, 0.2, 0.3]), 0.4, 1.0), 1.0)
     dut.take(Command(np.array([0.1, np.nan, 0.3]), 0.4, 1.06), 1.06)
-    assert (dut.at(1.0).engaged, dut.autopilot, dut.voltage) == (True, PX4, 15.2)
+    assert (dut.engaged, dut.autopilot, dut.voltage) == (True, PX4, 15.2)
     np.testing.assert_array_equal(dut.at(1.07).in_force, [0.4, 0.1, 0.2, 0.3])
     assert np.isnan(dut.at(1.2).in_force).all()
 
