@@ -211,11 +211,11 @@ MANY = [
 def test_a_payload_is_taken_over_on_a_busy_machine_without_sagging(case, monkeypatch):
     dut = Busy(*case).fly(0.7, monkeypatch)
     phases = [phase.value for _, phase, _ in dut.node.events]
-    if phases:
-        assert phases == ["ready", "flying"]
+    if phases:  # a solve that takes 0.1 s is levelled
+        assert phases in (["ready", "flying"], ["ready", "flying", "level", "flying"])
         assert min(dut.heights) > dut.heights[0] - 0.1  # [m]
-    else:
-        assert "too slow" in dut.node.lacks
+    else:  # the machine is too slow
+        assert dut.node.counts["late"] > 0.4 * dut.node.counts["periods"]
         assert not dut.autopilot.handovers
 
 
