@@ -23,7 +23,7 @@ from diagrams.batch.run import Table, one_line
 from diagrams.loop.controllers import add_controller
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import Watch
-from np_drake import metrics
+from np_drake import attitude, metrics
 from np_drake.autopilot.mavlink import COMPANION, Codec, MavlinkLink, Said
 from np_drake.autopilot.offboard import (
     KEPT,
@@ -53,6 +53,9 @@ SLOW = 0.5  # speed above which nothing begins [m/s]; source: own choice
 WARM_UP = 5  # steps before the first message [1]
 LEVEL_THRUST = np.array([0.5, 1.6])  # of level thrust over the weight [1]; source: own choice
 PATIENCE = 0.7  # share of a tick that a solve may take [1]; source: own choice
+# share of the periods of `settle` that may lack an answer [1]; source: own choice
+LATE = 0.5
+HEIGHT_KEPT = 0.3  # over which the thrust that holds height is averaged [s]; source: own choice
 LOOKS = 0.5  # between two calls of the monitor, or two looks at a simulated flight [s]
 
 
@@ -90,7 +93,10 @@ def make_companion_diagram(config: FlightConfig) -> Diagram:
     )
     for name, port in ports.items():
         builder.ExportOutput(port, name)
-    return builder.Build()
+    companion = builder.Build()
+    # an answer counts as late by the node's clock, and is used all the same
+    companion.GetSubsystemByName("np_mpc").controller.deadline = np.inf
+    return companion
 
 
 @dc.dataclass(frozen=True)
@@ -98,8 +104,6 @@ class Answer:
     """What the controller says of one instant."""
 
     rates_thrust: np.ndarray  # (4,) collective thrust and body rates [N, rad/s]
-    # (3,) residual force that is predicted; zero of a model that predicts none [N]
-    force: np.ndarray
     status: MpcStatus
     solve_time: float  # [s]
     context: Context  # the memory that it is of
@@ -125,7 +129,6 @@ def answer_of(companion: Diagram, context: Context, t: float, **measured: np.nda
 
     return Answer(
         rates_thrust=read("rates_thrust"),
-        force=read("chi_hat")[:3] if companion.HasOutputPort("chi_hat") else np.zeros(3),
         status=MpcStatus(int(read("status")[0])),
         solve_time=float(read("solve_time")[0]),
         context=context,
@@ -182,6 +185,7 @@ class Node:
 
     def __init__(self, config: FlightConfig, link: MavlinkLink, worker: SolverThread):
         self.config, self._limits = config, config.offboard.check()
+        self._motion = config.motion
         self._link, self._worker = link, worker
         ticks = config.controller.period * config.offboard.rate
         require(
@@ -197,8 +201,8 @@ class Node:
         self._companion = make_companion_diagram(config)
         self._memory = self._companion.CreateDefaultContext()
         self.readings, self.clock = Readings(self._limits, vehicle.gravity), NodeClock()
-        # ticks, those that had no time, and those that failed; the controller's periods while it
-        # commands, and those without an answer until the next
+        # ticks, those that had no time, and those that failed; the controller's periods, and those
+        # without an answer until the next
         self.counts = dict.fromkeys(("ticks", "skipped", "periods", "late", "errors"), 0)
         # times of solves, and of ticks after their time [s]
         self.solves, self.delays = deque[float](maxlen=KEPT), deque[float](maxlen=KEPT)
@@ -209,6 +213,7 @@ class Node:
         self._begin = np.inf  # time of the first tick [s]
         at_rest = np.array([*self._place(0.0), 1.0, *np.zeros(9)])
         self._anchor = Anchor.at(at_rest, self._place(0.0))  # until there is one
+        self._axes = self._anchor.q_TW  # that the memory is in
         self._next_step = self._next_heartbeat = -np.inf
         # when the autopilot handed over, and was asked to hold its place [s]
         self._handed_over = self._left_at = np.inf
@@ -218,8 +223,10 @@ class Node:
         self._is_known = self._is_trusted = False
         self._is_owed = False  # an answer, since the period began
         self._without_answer = 0  # periods in succession [1]
+        # whether each period of the last `settle` lacked an answer
+        self._late = deque[bool](maxlen=round(self._limits.settle / config.controller.period) or 1)
         self._sent = np.array([self._weight, 0.0, 0.0, 0.0])
-        self._force, self._problem = np.zeros(3), ""  # predicted; what is not in order
+        self._lift, self._problem = self._weight, ""  # that holds height [N]; what is not in order
         # what is compiled or built on first use is done before it matters
         measured = {"x": at_rest, "acceleration": np.zeros(6), "in_force": self._sent}
         for _ in range(WARM_UP):
@@ -270,6 +277,14 @@ class Node:
         """
         self._left_at, self._next_heartbeat = now, -np.inf
 
+    def is_over(self, now: float) -> bool:
+        """Return whether nothing more is sent: it has stopped, or leaves and nobody has handed over
+        by our time [s], of which the next heartbeat tells.
+        """
+        waits = self.phase is Phase.WAITING or now > self._left_at + HEARTBEAT
+        unused = self.leaves and waits and not self.phases.handed_over
+        return self.phase is Phase.STOPPED or unused
+
     def listen(self) -> list[Said]:
         """Return what has come since the last tick; the next takes it, by its time."""
         try:
@@ -292,63 +307,69 @@ class Node:
             self._tick(now, patience)
         except Exception as error:  # nothing may end a flight but its phases
             self.counts["errors"] += 1
-            self._change(now, f"internal error: {one_line(error)}", self.phases.was_engaged)
+            self._change(now, f"internal error: {one_line(error)}")
 
     def _tick(self, now: float, patience: float) -> None:
         heard, self._heard = self.listen(), []
         for said in heard:
             self.readings.take(said, now)
-        reading, before = self.readings.at(now), self.phase
+        reading, start = self.readings.at(now), self._place(0.0)
         self.x, self._is_known = reading.x, not reading.problem
+        if self._is_known and self.phase is Phase.WAITING and not self._is_trusted:
+            self._anchor = Anchor.at(reading.x, start)
+        elif self._is_known and self._handed_over == np.inf:
+            self._anchor = self._anchor.following(reading.x, start)
         problem = reading.problem or self._out_of_order(reading)
         self._is_trusted = not problem
-        if not problem and self.phase.sends and self._without_answer >= self._limits.late_solves:
-            problem = f"no answer of the controller for {self._without_answer} periods"
-        if not problem and now > self._left_at + LEAVES:
-            problem = "the autopilot does not hold its place when it is asked to"
-        self._change(now, problem, reading.engaged)
-        if self.phase is Phase.READY and before is not Phase.READY:
-            self._anchor = Anchor.at(reading.x, self._place(0.0))
+        self._change(now, problem or self._too_late(now))
+        if self._is_trusted and self._anchor.q_TW is not self._axes:
             # forget all that was measured; a step that goes on meanwhile does not count
+            self._axes = self._anchor.q_TW
             self._memory = self._companion.CreateDefaultContext()
             self._answer, self._next_step = None, -np.inf
             self._without_answer, self._is_owed = 0, False
-        elif self.phase is Phase.FLYING and before is Phase.READY:
-            self._handed_over = now
-        elif self.phase is Phase.LEVEL:
+        if self.phase is Phase.LEVEL:
             self._answer = None
-        if self.phase.sends:
+        elif self.phase is Phase.FLYING and np.linalg.norm(reading.x[V]) <= SLOW:
+            self._handed_over = min(self._handed_over, now)
+        if self.phase.sends or (self.phase is Phase.WAITING and self._is_trusted):
             a_W, al = np.split(reading.acceleration, 2)
             x, a = self._anchor.seen(reading.x), np.concatenate([self._anchor.turned(a_W), al])
             self._solve(now, reading, x, a, patience)
-            self._send(now, x, a)
+            if self.phase.sends:
+                self._send(now, x, a)
         self._say_hello(now)
 
     def _out_of_order(self, reading: Reading) -> str:
         """Return why a state that is known may not be flown by; empty where it may."""
         if self.phase is Phase.STOPPED:
             return ""
-        start, anchor = self._place(0.0), self._anchor
-        if self.phase is Phase.WAITING:
-            anchor = Anchor.at(reading.x, start)
-        beyond = out_of_limits(anchor.seen(reading.x), self._place(self.flown_for), self._limits)
-        if beyond or self.phase in (Phase.FLYING, Phase.LEVEL):
+        x = self._anchor.seen(reading.x)
+        beyond = out_of_limits(x, self._place(self.flown_for), self._limits)
+        if beyond or self.phase is not Phase.WAITING:
             return beyond
-        if np.linalg.norm(reading.x[V]) > SLOW:
+        if np.linalg.norm(x[V]) > SLOW:
             return f"the vehicle moves by more than {SLOW:g} m/s"
-        if not anchor.holds(reading.x, start):
-            return "the vehicle has moved on"
-        is_told = self.phase is Phase.READY or np.isfinite(reading.in_force).all()
-        return "" if is_told else "no ATTITUDE_TARGET"
+        return "" if np.isfinite(reading.in_force).all() else "no ATTITUDE_TARGET"
+
+    def _too_late(self, now: float) -> str:
+        """Return who does not answer in time, the controller or an autopilot that is left."""
+        late, most = sum(self._late), self._late.maxlen or 1
+        if self.phase is Phase.WAITING and late > LATE * most:
+            return f"this machine is too slow: {late} of the last {most} solves were late"
+        if self._without_answer >= self._limits.late_solves:
+            return f"no answer of the controller for {self._without_answer} periods"
+        is_left = now > self._left_at + LEAVES
+        return "the autopilot does not hold its place when it is asked to" if is_left else ""
 
     def _place(self, t: float) -> np.ndarray:
         """Return where the vehicle should be (3,) at a time on the reference [m, s]."""
-        return self.config.motion.sample(np.array([t]))[0, 0]
+        return self._motion.sample(np.array([t]))[0, 0]
 
-    def _change(self, now: float, problem: str, engaged: bool) -> None:
+    def _change(self, now: float, problem: str) -> None:
         before, self._problem = self.phase, problem
         self.phases = self.phases.advanced(
-            now, problem=problem, engaged=engaged, config=self._limits
+            now, problem=problem, engaged=self.readings.engaged, config=self._limits
         )
         if self.phase is not before:
             self.events.append((now - self._begin, self.phase, self.phases.reason))
@@ -359,6 +380,8 @@ class Node:
         """Step the controller where a period begins, and take its answer where there is one."""
         period = self.config.controller.period
         if now >= self._next_step - 1e-9:
+            missed = (now - self._next_step) / period if self._next_step > -np.inf else 0.0
+            self._late.extend([self._is_owed, *int(min(missed, 1 / period)) * [True]])
             self._next_step = max(self._next_step, now - period) + period
             self._without_answer += self._is_owed
             self.counts["late"] += self._is_owed
@@ -370,16 +393,21 @@ class Node:
         self.solves.append(found.solve_time)
         usable = bool(np.isfinite(found.rates_thrust).all())
         self._answer = found if usable else None
-        if usable and self._is_trusted and np.isfinite(found.force).all():
-            self._force = found.force
         if usable and found.status < MpcStatus.SHIFTED_PLAN:
             self._without_answer, self._is_owed = 0, False
 
     def _begin_step(self, reading: Reading, x: np.ndarray, a: np.ndarray) -> None:
-        in_force = self._sent
-        if self.phase is Phase.READY and np.isfinite(reading.in_force).all():
+        in_force, teaches = self._sent, self.phases.handed_over
+        if not teaches and np.isfinite(reading.in_force).all():
             in_force = reading.in_force.copy()
             in_force[0] = thrust_of(self._vehicle, in_force[0], self.readings.voltage)
+            # nothing is learned on the ground, nor by commands that are older than what is felt
+            teaches = reading.as_felt and in_force[0] >= LEVEL_THRUST[0] * self._weight
+        a = a if teaches else np.full(6, np.nan)
+        lift = in_force[0] * attitude.body_z(x[Q])[2] - self._vehicle.mass * a[2]
+        if self._is_trusted and np.isfinite(lift):
+            share = self.config.controller.period / HEIGHT_KEPT
+            self._lift += min(share, 1.0) * (lift - self._lift)
         self._worker.submit(
             partial(
                 answer_of,
@@ -400,17 +428,17 @@ class Node:
         command[1:] = np.clip(command[1:], -most, most)
         self._sent = command
         throttle = throttle_of(self._vehicle, command[0], self.readings.voltage)
+        self.readings.sent.append(np.array([throttle, *command[1:]]))
         self._link.send(self._codec.command(now - self._begin, command[1:], throttle))
-        if self.phase in (Phase.FLYING, Phase.LEVEL) and not self.leaves and self._is_trusted:
+        if self._handed_over <= now and not self.leaves and self._is_trusted:
             u = np.array([command[0], *self._loop.torque(self._vehicle.J, x[W], command[1:])])
             row = (np.array(self.flown_for), x, a, u, command[1:])
             if all(np.isfinite(part).all() for part in row):
                 self._rows.append(row)
 
     def _level(self, x: np.ndarray) -> np.ndarray:
-        """Return level thrust (4,), with the residual force that was predicted last [N, rad/s]."""
-        least, most = self._weight * LEVEL_THRUST
-        thrust = np.clip(self._weight - self._force[2], least, most)
+        """Return level thrust (4,), that which held height last [N, rad/s]."""
+        thrust = np.clip(self._lift, *(self._weight * LEVEL_THRUST))
         rates = rates_towards(x[Q], np.eye(3)[2], self._loop) if self._is_known else np.zeros(3)
         return np.array([thrust, *rates])
 
@@ -420,7 +448,7 @@ class Node:
             return
         self._next_heartbeat = now + (LEAVING if self.leaves else HEARTBEAT)
         out = self._codec.heartbeat()
-        if self.leaves:
+        if self.leaves and self.phases.handed_over:
             out += self._codec.hold(self.readings.autopilot)
         elif not self.phase.sends:
             out += self._codec.request("HEARTBEAT", HEARTBEATS)
@@ -478,10 +506,10 @@ def fly(
         node.delays.append(now - planned)
         node.tick(now, PATIENCE * period)
         flown = node.flown_for
-        if not node.leaves and (flown >= node.config.end or ended()):
+        waited = time.monotonic() - begin > wait and not node.phases.handed_over
+        if not node.leaves and (flown >= node.config.end or ended() or waited):
             node.leave(now)
-        is_over = node.leaves or time.monotonic() - begin > wait
-        if node.phase is Phase.STOPPED or (node.phase in (Phase.WAITING, Phase.READY) and is_over):
+        if node.is_over(now):
             return
         if time.monotonic() - looked >= LOOKS:
             looked = time.monotonic()

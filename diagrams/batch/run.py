@@ -40,7 +40,7 @@ class FailedRun(RuntimeError):
     """Failure of a run, in one line for people: who failed, when, and why."""
 
 
-def one_line(error: Exception) -> str:
+def one_line(error: BaseException) -> str:
     """Return what went wrong, and where if the error was not expected."""
     text = " ".join(str(error).split()) or "no message"
     foreseen = (

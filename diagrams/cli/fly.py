@@ -405,7 +405,7 @@ def _write_flight(flight: FlightResult, folder: Path, figures: Sequence[str]) ->
 
 # Share of the rate of a vehicle's clock that was told last, below which it is told again [1].
 TOLD = 0.8
-DEADLINE = 1.0  # of a solve, over the controller's period, where the scenario names none [1]
+DEADLINE = 1.0  # by which a solver wraps up, over the controller's period, where none is named [1]
 
 
 @reports("node", seed=None, out=OUT, markdown=False)
@@ -489,7 +489,7 @@ def node(
         write_log(flown, file)
         say(f"log: {file}")
     return Report(
-        nodes.tables(flying),
+        nodes.tables(flying) if flying.events else [],
         config={
             "experiment": config.name,
             "controller": config.controller.name,

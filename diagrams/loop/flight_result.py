@@ -344,7 +344,7 @@ def _advance(
             if own and "NaN" in str(error):
                 why = f"{who} commanded what is not a number before {t:.1f} s."
             raise lost(why) from error
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             if not own:
                 raise
             when = f"{config.name}: {who} failed at {context.get_time():.2f} s"

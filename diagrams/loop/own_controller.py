@@ -14,6 +14,7 @@ from typing import Any
 from pydrake.systems.framework import System
 
 from diagrams.batch.run import one_line, require
+from np_drake.files.interruption import Ended
 
 # Maker of a new system a flight: called with those of `vehicle` (that the controller assumes),
 # `reference` (the motion to follow) and `period` [s] that it names, and with its own parameters.
@@ -73,7 +74,9 @@ def load_factory(kind: str) -> Factory:
             module = _module_of_file(place, Path(place).stat().st_mtime_ns)
         else:
             module = importlib.import_module(place)
-    except Exception as error:  # whatever the user's module raises
+    except (KeyboardInterrupt, Ended):
+        raise
+    except BaseException as error:  # whatever the user's module raises, an exit among it
         why = one_line(error)
         if isinstance(error, ModuleNotFoundError) and error.name == place.split(".")[0]:
             why = (
@@ -138,7 +141,9 @@ def make_own_controller(
     given = {p.name: offered[p.name] for p in known if p.name in offered}
     try:
         system = factory(**given, **parameters)
-    except Exception as error:  # whatever the user's code raises
+    except (KeyboardInterrupt, Ended):
+        raise
+    except BaseException as error:  # whatever the user's code raises, an exit among it
         raise ValueError(f"{who}: cannot be made: {one_line(error)}.") from error
     require(
         isinstance(system, System),

@@ -69,6 +69,8 @@ class Command:
 
     rates: np.ndarray  # (3,) in B [rad/s]
     thrust: float  # over that at full throttle [1]
+    stamp: float = 0.0  # by the sender's clock [s]
+    kind: str = "ATTITUDE_TARGET"  # of the message
 
 
 @dc.dataclass(frozen=True)
@@ -229,7 +231,7 @@ class Codec:
             return Battery(1e-3 * m.voltage_battery)
         if kind == ("ATTITUDE_TARGET" if self._is_companion else "SET_ATTITUDE_TARGET"):
             rates = np.array([m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate])
-            return Command(FRD_TO_FLU * rates, float(m.thrust))
+            return Command(FRD_TO_FLU * rates, float(m.thrust), 1e-3 * m.time_boot_ms)
         return None
 
 

@@ -15,8 +15,11 @@ from np_drake.files.yaml_file import POSITIVE, check_fields, number
 from np_drake.rigid_body import P, Q, V, W
 
 CLEAR = 0.1  # time in order after which a flight goes on [s]; source: own choice
-# A hold is kept while the vehicle is that near it.
-NEAR, AHEAD = 0.3, 0.2  # [m], [rad]; source: own choice
+AHEAD = 0.2  # turn after which a hold heads anew [rad]; source: own choice
+# Commands in force that are alike, and those in succession that show whose they are.
+ALIKE, FOLLOWED = 1e-4, 3  # [1, rad/s], [1]; source: own choice, 1000 times a float's resolution
+# of the period that is asked for, by which a command may be older than what the vehicle feels
+AS_FELT = 0.9  # [1]; source: own choice, less than a whole one
 FORGOTTEN = 1.0  # after which a state says nothing of where the next may be [s]; source: own choice
 # specific force beyond which none flies [m/s²]; source: own choice, six times the weight
 HARDEST = 60.0
@@ -155,7 +158,7 @@ class Reading:
     acceleration: np.ndarray  # (6,) [a in W, al in B] [m/s², rad/s²]
     # (4,) thrust over that at full throttle, body rates, as the autopilot tells [1, rad/s]
     in_force: np.ndarray
-    engaged: bool  # whether the autopilot follows what is sent
+    as_felt: bool  # whether that is as new as the acceleration
     problem: str  # that keeps it from being flown by; empty for none
 
 
@@ -169,7 +172,10 @@ class Readings:
         self.voltage: float | None = None  # of the battery [V]; None: not known
         self.ages: deque[float] = deque(maxlen=KEPT)  # of the states that were read [s]
         self.autopilot = 0  # its kind, MAV_AUTOPILOT
-        self._engaged, self._heard = False, -np.inf
+        self.engaged = False  # whether the autopilot follows what is sent
+        self._heard = -np.inf
+        # throttle and body rates (4,) that were sent last [1, rad/s]
+        self.sent: deque[np.ndarray] = deque(maxlen=round(config.rate))
         self._forget()
 
     def _forget(self) -> None:
@@ -177,19 +183,21 @@ class Readings:
         self._poses: dict[str, Pose] = {}
         self._taken: dict[str, float] = {}  # our time of each [s]
         self._inertial: list[Inertial] = []
-        self._in_force, self._in_force_at = np.full(4, np.nan), -np.inf
+        self._command = Command(np.full(3, np.nan), np.nan)
+        self._command_at, self._alike = -np.inf, 0
 
     def take(self, said: Said, now: float) -> None:
         """Take what a message says, at our time [s]."""
         if isinstance(said, Heartbeat):
-            self._engaged, self._heard, self.autopilot = said.engaged, now, said.autopilot
+            self.engaged, self._heard, self.autopilot = said.engaged, now, said.autopilot
         elif isinstance(said, Battery):
             self.voltage = said.voltage
-        elif isinstance(said, Command) and np.isfinite([said.thrust, *said.rates]).all():
-            self._in_force, self._in_force_at = np.array([said.thrust, *said.rates]), now
-        elif isinstance(said, Pose | Inertial) and self._in_turn(said.kind, said.stamp, now):
+        elif isinstance(said, Pose | Inertial | Command) and self._in_turn(said, now):
             if self._is_absurd(said, now):
                 self.refused["absurd"] += 1
+            elif isinstance(said, Command):
+                self._compare(said)
+                self._command, self._command_at = said, now
             elif isinstance(said, Pose):
                 self._poses[said.kind], self._taken[said.kind] = said, now
             else:
@@ -220,8 +228,24 @@ class Readings:
         if age < FORGOTTEN:
             self.ages.append(age)
             _bring(x, np.nan_to_num(acceleration), ages[0], ages[-1])
-        in_force = self._in_force if now - self._in_force_at <= limit else np.full(4, np.nan)
-        return Reading(x, acceleration, in_force, self._engaged, problem)
+        in_force, as_felt = np.full(4, np.nan), False
+        if now - self._command_at <= limit:
+            in_force = np.array([self._command.thrust, *self._command.rates])
+            older = self._age(self._command, now) - (
+                self._age(self._inertial[-1], now) if is_felt else -np.inf
+            )
+            as_felt = older < AS_FELT / self._config.rate
+        return Reading(x, acceleration, in_force, as_felt, problem)
+
+    def _compare(self, told: Command) -> None:
+        """Take the vehicle as handed over where the commands in force change as those sent do."""
+        before = np.array([self._command.thrust, *self._command.rates])
+        new = np.array([told.thrust, *told.rates])
+        if self.engaged or not self.sent or np.abs(new - before).max() <= ALIKE:
+            return
+        is_ours = np.abs(np.array(self.sent) - new).max(axis=1).min() <= ALIKE
+        self._alike = self._alike + 1 if is_ours else 0
+        self.engaged = self._alike >= FOLLOWED
 
     def _newest(self, now: float) -> list[Pose]:
         """Return the message, or the two of position and attitude, that make the newest whole
@@ -231,25 +255,27 @@ class Readings:
         found = [[self._poses[kind] for kind in kinds] for kinds in whole]
         return min(found, key=lambda poses: max(self._age(one, now) for one in poses), default=[])
 
-    def _age(self, said: Pose | Inertial, now: float) -> float:
+    def _age(self, said: Pose | Inertial | Command, now: float) -> float:
         return self._clocks[said.kind].age(said.stamp, now)
 
-    def _in_turn(self, kind: str, stamp: float, now: float) -> bool:
+    def _in_turn(self, said: Pose | Inertial | Command, now: float) -> bool:
         """Take the stamp of a message, and return whether it is newer than all before."""
-        clock = self._clocks.setdefault(kind, MessageClock())
+        clock = self._clocks.setdefault(said.kind, MessageClock())
         newest = clock.newest
-        if clock.hear(stamp, now):
+        if clock.hear(said.stamp, now):
             self.restarts += 1
             self._forget()
-            self._clocks[kind] = clock
+            self._clocks[said.kind] = clock
             return True
-        self.refused["late"] += stamp <= newest
-        return stamp > newest
+        self.refused["late"] += said.stamp <= newest
+        return said.stamp > newest
 
-    def _is_absurd(self, said: Pose | Inertial, now: float) -> bool:
+    def _is_absurd(self, said: Pose | Inertial | Command, now: float) -> bool:
         """Return whether a message cannot be true: not finite, beyond what flies, no rotation, or
         too far from where it was.
         """
+        if isinstance(said, Command):
+            return not np.isfinite([said.thrust, *said.rates]).all()
         if isinstance(said, Inertial):
             fastest = 2 * self._config.max_rate
             return not (np.linalg.norm(said.f) <= HARDEST and np.linalg.norm(said.w) <= fastest)
@@ -322,12 +348,13 @@ class Anchor:
         q_WT = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
         return cls(x[P] - attitude.rotate(q_WT, start), attitude.conjugate(q_WT))
 
-    def holds(self, x: np.ndarray, start: np.ndarray) -> bool:
-        """Return whether a vehicle in a state (13,) of W is still near the start (3,) of the track,
-        and heads along x.
+    def following(self, x: np.ndarray, start: np.ndarray) -> "Anchor":
+        """Return the frame in which a vehicle in a state (13,) of W is at the start (3,) of the
+        track [m], with the same axes while it still heads along x.
         """
-        own = self.seen(x)
-        return bool(np.linalg.norm(own[P] - start) < NEAR and abs(_yaw(own[Q])) < AHEAD)
+        if abs(_yaw(self.seen(x)[Q])) > AHEAD:
+            return Anchor.at(x, start)
+        return Anchor(x[P] - attitude.rotate_back(self.q_TW, start), self.q_TW)
 
     def seen(self, x: np.ndarray) -> np.ndarray:
         """Return a state (13,) of W in T."""
@@ -348,7 +375,7 @@ class Phase(Enum):
     """What is sent."""
 
     WAITING = "waiting"  # nothing, until all is in order
-    READY = "ready"  # a hold where the vehicle is; the autopilot has not handed over
+    READY = "ready"  # a hold wherever the vehicle is; the autopilot has not handed over
     FLYING = "flying"  # the controller's commands
     LEVEL = "level"  # level thrust
     STOPPED = "stopped"  # nothing, for good
@@ -363,11 +390,12 @@ class Phase(Enum):
 class Phases:
     """Phase of a flight and the times that lead to the next; a new one waits.
 
-    WAITING -> READY after `settle` in order, with the autopilot in a mode of its own. READY ->
-    FLYING as its mode changes to offboard: a vehicle that is in it already is not taken. FLYING ->
-    LEVEL on a problem. LEVEL -> FLYING once it is over, or STOPPED `level` seconds after it began.
-    A problem that returns within `settle` goes on with the same time. FLYING and LEVEL -> STOPPED
-    as the autopilot leaves offboard. There is one flight: an autopilot whose failsafe is over may
+    WAITING -> READY after `settle` in order, with the autopilot in a mode of its own: a vehicle
+    that is in offboard already is not taken. READY -> FLYING as it is handed over. READY and FLYING
+    -> LEVEL on a problem: a vehicle may have been handed over before its heartbeat tells. LEVEL ->
+    back once it is over; or, `level` seconds after it began, STOPPED, or WAITING where nobody has
+    handed over. A problem that returns within `settle` goes on with the same time. A flight ->
+    STOPPED as the autopilot leaves offboard. There is one: an autopilot whose failsafe is over may
     be in offboard again, with nobody having handed over.
     """
 
@@ -376,7 +404,7 @@ class Phases:
     in_order_since: float = np.inf  # [s]
     # beginning of the problem, kept for `settle` after its end [s]
     fault_since: float = np.inf
-    was_engaged: bool = True
+    handed_over: bool = False
 
     def advanced(
         self, now: float, *, problem: str, engaged: bool, config: OffboardConfig
@@ -390,28 +418,29 @@ class Phases:
         in_order = 0.0 if problem else now - since
         phase, reason = self._next(now, problem, engaged, in_order, config)
         fault = min(self.fault_since, now) if phase is Phase.LEVEL else self.fault_since
-        settled = phase is Phase.FLYING and in_order >= config.settle
-        if phase in (Phase.WAITING, Phase.READY) or settled:
+        settled = phase is not Phase.LEVEL and in_order >= config.settle
+        if phase is Phase.WAITING or settled:
             fault = np.inf
-        return Phases(phase, self.reason if phase is self.phase else reason, since, fault, engaged)
+        handed_over = self.handed_over or (phase.sends and engaged)
+        reason = self.reason if phase is self.phase else reason
+        return Phases(phase, reason, since, fault, handed_over)
 
     def _next(
         self, now: float, problem: str, engaged: bool, in_order: float, config: OffboardConfig
     ) -> tuple[Phase, str]:
         phase, over = self.phase, now - self.fault_since >= config.level - 1e-9
-        flies = phase in (Phase.FLYING, Phase.LEVEL)
         if phase is Phase.WAITING and not engaged and not problem and in_order >= config.settle:
             return Phase.READY, "all is in order"
-        if phase is Phase.READY and problem:
-            return Phase.WAITING, problem
-        if phase is Phase.READY and engaged and not self.was_engaged:
-            return Phase.FLYING, "the autopilot has handed over"
-        if flies and not engaged:
+        if not phase.sends:
+            return phase, ""
+        if self.handed_over and not engaged:
             return Phase.STOPPED, "the autopilot has taken over"
-        if flies and over and (problem or phase is Phase.LEVEL):
-            return Phase.STOPPED, problem or self.reason
-        if phase is Phase.FLYING and problem:
+        if over and (problem or phase is Phase.LEVEL):
+            return Phase.STOPPED if engaged else Phase.WAITING, problem or self.reason
+        if problem:
             return Phase.LEVEL, problem
+        if phase is Phase.READY and engaged:
+            return Phase.FLYING, "the autopilot has handed over"
         if phase is Phase.LEVEL and in_order >= CLEAR - 1e-9:
-            return Phase.FLYING, "in order again"
+            return Phase.FLYING if engaged else Phase.READY, "in order again"
         return phase, ""

@@ -4,13 +4,18 @@ import dataclasses as dc
 
 import numpy as np
 
-from diagrams.autopilot.node import Node
-from diagrams.loop.experiments import load_experiment
-from diagrams.loop.flight import FlightConfig
+from diagrams.autopilot import node as nodes
+from diagrams.autopilot.node import LinkedFlight, Node
+from diagrams.loop.experiments import load_experiment, with_payload
+from diagrams.loop.flight import FlightConfig, flown_by
+from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
+from diagrams.loop.reality import REAL_VEHICLE
 from np_drake.autopilot.mavlink import AUTOPILOT, Codec, Command
 from np_drake.autopilot.simulated import BOOT, SimulatedAutopilot
+from np_drake.mpc import controller
 from np_drake.rigid_body import P, Q, V
 from np_drake.vehicle.scaling import usual_rate_loop
+from systems.offboard_autopilot import PERIOD
 from tests.np_drake.autopilot.channel import Channel, local_position
 
 TICK, WAY = 0.01, 0.001  # of a node, and of a message [s]
@@ -20,16 +25,16 @@ SOLVER = ("hanging solve", "failing solve", "command not finite")
 KINDS = {
     **dict.fromkeys((*STATE_LOST, *SOLVER, "noise", "node restart", "pilot"), 0.0),
     **{"loss": 0.7, "delay": 0.2, "disorder": 0.2},  # share [1], times [s]
-    **{"clock jump": 50.0, "late solves": 0.03},  # [s]
+    **{"clock jump": 50.0, "late solves": 0.03, "slow machine": 0.05},  # [s]
     **{"position jump": 9.0, "absurd speed": 1e3},  # [m], [m/s]
 }
 
 
-def flight(controller: str, experiment: str = "circle") -> FlightConfig:
+def flight(kind: str, experiment: str = "circle") -> FlightConfig:
     config = load_experiment(experiment)
     vehicle = dc.replace(config.vehicle, rate_loop=usual_rate_loop(config.vehicle))
     config = dc.replace(config, vehicle=vehicle).with_autopilot("rate_loop")
-    config.controller.kind, config.controller.solver = controller, "sqp"
+    config.controller.kind, config.controller.solver = kind, "sqp"
     return config.check_and_step()
 
 
@@ -68,7 +73,7 @@ class AtOnce:
         self._clock, self._fault, self._pending = clock, fault, None
 
     def submit(self, step) -> None:
-        slow = {"late solves": KINDS["late solves"], "hanging solve": np.inf}
+        slow = {"hanging solve": np.inf, **{k: KINDS[k] for k in ("late solves", "slow machine")}}
         takes = slow.get(self._fault.kind, 0.0) if self._fault.acts(self._clock()) else 0.0
         self._pending = self._pending or (self._clock() + takes, step)
 
@@ -170,3 +175,82 @@ class Rail:
         said = [one for one in self._codec.parse(data) if isinstance(one, Command)]
         self.sent += [(self.time, one) for one in said]
         self._send(data)
+
+
+class Busy:
+    """Machine that runs a vehicle, a node and its solver only some of the time; all that is drawn
+    is drawn by a seed.
+
+    Args:
+        payload: under the vehicle [kg].
+        rate: real-time factor of the vehicle [1].
+        beat: when the autopilot's first heartbeat comes, which tells when the others do [s].
+        solve: mean time of a solve on an idle machine [s].
+    """
+
+    def __init__(self, kind: str, payload: float, rate: float, beat: float, solve: float, seed=0):
+        self._rng, self._idle, self._solve = np.random.default_rng(seed), 1 / rate - 1, solve
+        self.time, self.flown = 0.0, 0.0  # of the machine, of the vehicle [s]
+        self._runs, self._turn, self._pending, self._spent = False, 0.0, None, 0.0
+        here, there = Channel.pair(lambda: self.time, lambda now: now + 2e-4)
+        pilot = LinkedFlight(there)
+        hovering = flown_by(with_payload(flight("hold", "hover"), payload), pilot)
+        self._diagram = make_flight_diagram(hovering, controller=pilot)
+        self._vehicle = self._diagram.GetSubsystemByName(REAL_VEHICLE)
+        self._simulator = make_simulator(self._diagram, hovering, seed=seed)
+        self.autopilot = self._diagram.GetSubsystemByName("own_controller").autopilot
+        self.autopilot._next_heartbeat = beat
+        self.heights: list[float] = []  # while the node's commands are in force [m]
+        config = flight(kind)
+        config.controller.deadline = config.controller.period
+        self.node = Node(config, here, self)
+
+    def fly(self, seconds: float, monkeypatch) -> "Busy":
+        """Run the node until its motion has lasted for a time, 20 s at most."""
+        monkeypatch.setattr(nodes, "time", self)
+        monkeypatch.setattr(controller, "time", self)
+        over = self.node.is_over
+        self.node.is_over = lambda now: over(now) or self.node.flown_for >= seconds
+        nodes.fly(self.node, wait=20.0)
+        return self
+
+    def monotonic(self) -> float:
+        return self.time
+
+    def perf_counter(self) -> float:
+        self._spent += self._took / 2  # it is read before and after a solve
+        return self._spent
+
+    def sleep(self, seconds: float) -> None:
+        end = self.time + seconds + self._rng.exponential(0.002 * self._idle + 1e-4)
+        while self.time < end:
+            if self.time >= self._turn:
+                self._runs = not self._runs
+                turn = 0.012 * (1.0 if self._runs else self._idle)
+                self._turn = self.time + self._rng.exponential(turn)
+            step = min(end, self._turn, self.time + 0.0025) - self.time + 1e-9
+            self.time += step
+            if self._runs:
+                self._advance(step)
+
+    def _advance(self, step: float) -> None:
+        self.flown += step
+        context, due = self._simulator.get_context(), PERIOD * int(self.flown / PERIOD)
+        if due > context.get_time():
+            self._simulator.AdvanceTo(due)
+            if self.autopilot.engaged:
+                x = self._vehicle.GetOutputPort("x")
+                self.heights.append(x.Eval(self._vehicle.GetMyContextFromRoot(context))[2])
+
+    def submit(self, step) -> None:
+        takes = self._solve * (0.5 + self._rng.exponential(0.5)) * (1 + self._idle)
+        self._pending = self._pending or (self.time + takes, takes, step)
+
+    def answer(self, patience: float):
+        if self._pending is None:
+            return None
+        self.sleep(np.clip(self._pending[0] - self.time, 0.0, patience))
+        if self.time < self._pending[0]:
+            return None
+        (_, self._took, step), self._pending = self._pending, None
+        return step()

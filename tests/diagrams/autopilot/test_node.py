@@ -1,5 +1,6 @@
 """Laws of a node: what it commands and when, when it stops, what it records, its real time."""
 
+import dataclasses as dc
 import threading
 import time
 
@@ -10,15 +11,18 @@ from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import Node, SolverThread, answer_of, make_companion_diagram
 from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
 from np_drake.autopilot.offboard import OffboardConfig
-from np_drake.autopilot.simulated import SimulatedAutopilot
+from np_drake.autopilot.simulated import SimulatedAutopilot, thrust_of
 from np_drake.references.config import ReferenceConfig
+from np_drake.rigid_body import P, V
 from tests.diagrams.autopilot.rail import (
     KINDS,
     PLACE,
     SOLVER,
     STATE_LOST,
     TICK,
+    Busy,
     Fault,
+    FaultyAutopilot,
     Rail,
     flight,
     hover,
@@ -95,10 +99,14 @@ def test_no_fault_raises_and_one_that_lasts_ends_the_commands(kind):
     assert rail.sent
     assert all(np.isfinite([*said.rates, said.thrust]).all() for _, said in rail.sent)
     assert rail.node.counts["errors"] == 0
-    limits, period = rail.config.offboard, rail.config.controller.period
-    noticed = limits.stale_after if kind in STATE_LOST else (limits.late_solves + 1) * period
     if kind in (*STATE_LOST, *SOLVER):
-        assert rail.silent_from(FLYING_AT) <= noticed + limits.level + 0.03
+        assert rail.silent_from(FLYING_AT) <= levelled_for(rail.config, kind) + 0.03
+
+
+def levelled_for(config, kind) -> float:
+    """Longest time from a fault until nothing is sent [s]."""
+    limits, solves = config.offboard, (config.offboard.late_solves + 1) * config.controller.period
+    return limits.level + (limits.stale_after if kind in STATE_LOST else solves)
 
 
 @pytest.mark.parametrize(
@@ -107,6 +115,61 @@ def test_no_fault_raises_and_one_that_lasts_ends_the_commands(kind):
 def test_a_short_fault_is_levelled_and_flown_on_from(kind, lasts):
     rail = Rail(hover(), Fault(kind, FLYING_AT, lasts)).advance(FLYING_AT + 1.0)
     assert rail.phases == ["ready", "flying", *(["level", "flying"] if lasts > 0.1 else [])]
+
+
+def test_a_vehicle_that_the_pilot_flies_on_is_commanded_and_braked_before_it_is_flown():
+    rail = Rail(hover()).advance(1.0)
+    before = len(rail.sent)
+    for k in range(100):
+        rail.x[V] = [1.5, 0.0, 0.5]
+        rail.x[P] = PLACE + 0.01 * (k + 1) * rail.x[V]
+        rail.autopilot.step = lambda t, x: rail.autopilot.in_force  # the pilot's
+        rail.advance(rail.time + TICK)
+    assert rail.phases == ["ready"]
+    assert len(rail.sent) == before + 100
+    rail.autopilot.engaged = rail.node.readings.engaged = True
+    rail.advance(rail.time + 0.2)
+    assert rail.node.flown_for == 0.0
+    assert rail.sent[-1][1].rates[1] < -0.1  # nose up
+    rail.x[V] = 0.0
+    rail.advance(rail.time + 0.2)
+    start = rail.config.motion.sample(np.zeros(1))[0, 0]
+    np.testing.assert_allclose(rail.node.flown.p[0], start, atol=1e-3)
+
+
+@pytest.mark.parametrize("kind", [*STATE_LOST, *SOLVER])
+def test_one_that_is_ready_levels_before_it_is_silent(kind):
+    rail = Rail(hover(), Fault(kind, 1.0, 3.0)).advance(3.0)
+    assert rail.phases == ["ready", "level", "waiting"]
+    longest = levelled_for(rail.config, kind) + 0.03
+    assert rail.config.offboard.level <= rail.silent_from(1.0) <= longest
+
+
+def test_one_that_is_ready_leaves_after_a_heartbeat_and_asks_for_nothing():
+    rail = Rail(hover()).advance(0.6)
+    rail.node.leave(rail.time)
+    rail.advance(1.5)
+    assert not rail.node.is_over(rail.time)
+    assert rail.silent_from(0.6) is None
+    assert not rail.autopilot.asked_to_hold
+    rail.advance(1.7)
+    assert rail.node.is_over(rail.time)
+
+
+def test_level_thrust_is_what_held_height_before():
+    rail = Rail(hover(), Fault("hanging solve", FLYING_AT, 3.0))
+    heavy = dc.replace(rail.config.vehicle, mass=1.2 * rail.config.vehicle.mass)
+    rail.autopilot = FaultyAutopilot(heavy, rail.fault)
+    rail.advance(FLYING_AT + 0.5)
+    assert rail.phases[-1] == "level"
+    thrust = thrust_of(heavy, rail.sent[-1][1].thrust)
+    assert thrust == pytest.approx(heavy.mass * heavy.gravity, rel=0.03)
+
+
+def test_a_machine_that_is_too_slow_commands_nothing_and_says_so():
+    rail = Rail(hover(), Fault("slow machine", 0.0, 9.0)).advance(2.0)
+    assert rail.sent == []
+    assert "too slow" in rail.node.lacks
 
 
 def test_when_the_pilot_takes_over_it_is_silent_for_good():
@@ -130,6 +193,30 @@ def test_when_it_leaves_the_autopilot_holds_its_place_or_is_left_level(holds):
     assert rail.phases == ["ready", "flying", *([] if holds else ["level"]), "stopped"]
     assert ("does not hold" in rail.node.phases.reason) == (not holds)
     assert holds or rail.silent_from(FLYING_AT) == pytest.approx(3.5, abs=0.05)
+
+
+# Of a machine that is busy: controller, payload [kg], real-time factor [1], when heartbeats come
+# [s], mean time of a solve where it is idle [s].
+HANDOVERS = [("np", 0.26, 0.6, 0.1, 0.01), ("payload_filter", 0.4, 0.3, 0.95, 0.004)]
+_rng = np.random.default_rng(90)
+MANY = [
+    (kind, *_rng.uniform([0.0, 0.2, 0.0, 0.002], [0.4, 1.0, 1.0, 0.02]).tolist())
+    for kind in [*66 * ["np", "payload_filter", "hold"], "np", "payload_filter"]
+]
+
+
+@pytest.mark.parametrize(
+    "case", [*HANDOVERS, *(pytest.param(one, marks=pytest.mark.nightly) for one in MANY)]
+)
+def test_a_payload_is_taken_over_on_a_busy_machine_without_sagging(case, monkeypatch):
+    dut = Busy(*case).fly(0.7, monkeypatch)
+    phases = [phase.value for _, phase, _ in dut.node.events]
+    if phases:  # a solve that takes 0.1 s is levelled
+        assert phases in (["ready", "flying"], ["ready", "flying", "level", "flying"])
+        assert min(dut.heights) > dut.heights[0] - 0.1  # [m]
+    else:  # the machine is too slow
+        assert dut.node.counts["late"] > 0.4 * dut.node.counts["periods"]
+        assert not dut.autopilot.handovers
 
 
 # Real time

@@ -2,6 +2,7 @@
 
 import functools
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -93,7 +94,7 @@ def test_a_discrete_controller_runs_at_its_own_rate_over_a_horizon():
     np.testing.assert_allclose(np.diff(u), 4e-3, atol=1e-9)  # [N]
 
 
-@pytest.mark.parametrize("crash", [ZeroDivisionError("by nothing"), None])
+@pytest.mark.parametrize("crash", [ZeroDivisionError("by nothing"), SystemExit("by nothing"), None])
 def test_a_controller_that_fails_in_flight_ends_it_in_one_line(crash):
     class Bad(Discrete):
         def _calc_u(self, context, output):
@@ -101,7 +102,7 @@ def test_a_controller_that_fails_in_flight_ends_it_in_one_line(crash):
                 raise crash
             output.SetFromVector(np.full(4, np.nan))
 
-    said = "failed at 0.0.* s: ZeroDivisionError: by nothing" if crash else "is not a number"
+    said = f"failed at 0.0.* s: {type(crash).__name__}: by nothing" if crash else "is not a number"
     with pytest.raises(FailedRun if crash else LostVehicle, match=f"Bad .*{said}"):
         fly(load_experiment("hover"), controller=Bad)
 
@@ -129,6 +130,7 @@ def ports(inputs, outputs):
         (ports({}, {"u": 4})(), "must be a class or function that makes a new system each flight"),
         (lambda: 3, "must make a Drake system; it made a int"),
         (lambda: {}["gain"], "cannot be made: KeyError: 'gain'"),
+        (lambda: sys.exit(0), "cannot be made: SystemExit: 0"),
     ],
 )
 def test_a_controller_that_does_not_fit_is_refused_in_one_line(factory, said):
@@ -143,11 +145,13 @@ def test_a_controller_that_does_not_fit_is_refused_in_one_line(factory, said):
         ("mine:Hoover", "mine.py has no Hoover"),
         ("mine.py:wrong", "controller wrong: must make a Drake system"),
         ("broken.py:Hover", "broken.py cannot be imported: SyntaxError"),
+        ("leaves.py:Hover", "leaves.py cannot be imported: SystemExit: 0"),
         (":Hover", "must be MODULE:NAME or FILE.py:NAME"),
     ],
 )
 def test_a_name_that_leads_nowhere_is_one_line(kind, said, mine, capsys):
     Path("broken.py").write_text("class Hover(:\n")
+    Path("leaves.py").write_text("raise SystemExit(0)\n")
     assert run(["fly", "circle", "--controller", kind, "--out", "out"]) == 2
     assert said in capsys.readouterr().err
     assert not Path("out").exists()

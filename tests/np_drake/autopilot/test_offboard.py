@@ -314,15 +314,42 @@ def test_mode_voltage_and_what_is_in_force_are_those_said_last(dut):
     found = dut.at(0.0)
     assert found.problem
     assert np.isnan([*found.x, *found.acceleration, *found.in_force]).all()
-    assert not found.engaged
+    assert not dut.engaged
     at_rest(dut)
     dut.take(Heartbeat(True, PX4), 1.0)
     dut.take(Battery(15.2), 1.0)
-    dut.take(Command(np.array([0.1, 0.2, 0.3]), 0.4), 1.0)
-    dut.take(Command(np.array([0.1, np.nan, 0.3]), 0.4), 1.06)
-    assert (dut.at(1.0).engaged, dut.autopilot, dut.voltage) == (True, PX4, 15.2)
+    dut.take(Command(np.array([0.1, 0.2, 0.3]), 0.4, 1.0), 1.0)
+    dut.take(Command(np.array([0.1, np.nan, 0.3]), 0.4, 1.06), 1.06)
+    assert (dut.engaged, dut.autopilot, dut.voltage) == (True, PX4, 15.2)
     np.testing.assert_array_equal(dut.at(1.07).in_force, [0.4, 0.1, 0.2, 0.3])
     assert np.isnan(dut.at(1.2).in_force).all()
+
+
+@pytest.mark.parametrize(("behind", "as_felt"), [(0.0, True), (0.008, True), (0.01, False)])
+def test_a_command_belongs_to_what_is_felt_within_a_period(dut, behind, as_felt):
+    for k in range(100):
+        send(dut, 0.01 * k, kinds=("HIGHRES_IMU",))
+        dut.take(Command(np.zeros(3), 0.4, 0.01 * k), 0.01 * k)
+    send(dut, 0.99 + behind + 1e-6, kinds=("HIGHRES_IMU",))
+    assert dut.at(0.99 + behind + 1e-6).as_felt == as_felt
+
+
+@pytest.mark.parametrize(
+    ("told", "engaged"),
+    [
+        ([1, 1, 2, 2, 3], True),  # as sent, in turn
+        ([1, 1, 1, 1, 1], False),  # a hover that is alike by chance
+        ([1, 2, 2.5, 3, 4], False),
+    ],
+)
+def test_a_vehicle_is_handed_over_once_its_commands_change_as_those_sent(dut, told, engaged):
+    dut.sent.extend(np.array([0.1 * k, 0.0, 0.0, 0.0]) for k in range(6))
+    for k, value in enumerate(told):
+        assert not dut.engaged
+        dut.take(Command(np.zeros(3), 0.1 * value, 0.1 * k), 0.1 * k)
+    assert dut.engaged == engaged
+    dut.take(Heartbeat(False, PX4), 1.0)
+    assert not dut.engaged
 
 
 # Anchor
@@ -352,16 +379,14 @@ def test_what_is_seen_is_a_rigid_motion_about_the_vertical(anchor, one, other):
     np.testing.assert_allclose(R[2], R_one[2], atol=1e-9)  # the tilt
 
 
-@given(p=VECTORS, yaw=st.floats(-3.1, 3.1), towards=st.floats(-np.pi, np.pi))
-def test_a_vehicle_holds_until_it_has_left_or_turned_away(p, yaw, towards):
-    dut, turn = Anchor.at(state(p, turn=(0, 0, yaw)), START), np.array([0.0, 0.0, yaw])
-    way = np.array([np.cos(towards), np.sin(towards), 0.0])
-    assert dut.holds(state(p + 0.25 * way, turn=turn), START)
-    assert not dut.holds(state(p + 0.35 * way, turn=turn), START)
-    for sign in (-1, 1):
-        assert dut.holds(state(p, turn=turn + [0, 0, 0.15 * sign]), START)
-        assert not dut.holds(state(p, turn=turn + [0, 0, 0.25 * sign]), START)
-    assert not dut.holds(wrong(V, 0.0) * np.nan, START)
+@given(p=VECTORS, to=VECTORS, yaw=st.floats(-3.1, 3.1), turned=st.sampled_from([-0.3, -0.1, 0.1]))
+def test_an_anchor_follows_a_vehicle_and_turns_once_it_heads_elsewhere(p, to, yaw, turned):
+    first = Anchor.at(state(p, turn=(0, 0, yaw)), START)
+    x = state(to, turn=(0, 0, yaw + turned))
+    dut = first.following(x, START)
+    np.testing.assert_allclose(dut.seen(x)[P], START, atol=1e-9)
+    expected = first if abs(turned) < 0.2 else Anchor.at(x, START)
+    np.testing.assert_allclose(dut.turned(np.eye(3)[0]), expected.turned(np.eye(3)[0]), atol=1e-9)
 
 
 # Phases
@@ -396,15 +421,18 @@ def test_laws_of_any_course(course):
     found = [(True, True, Phase.WAITING), *run(course)]
     phases = [phase for *_, phase in found]
     settle, levels = round(QUICK.settle / TICK), np.array([p is Phase.LEVEL for p in phases])
+    handed_over = False
     for k, ((_, was, before), (good, engaged, phase)) in enumerate(pairwise(found), 1):
-        if not engaged:  # never commanded
-            assert phase in (Phase.WAITING, Phase.READY, Phase.STOPPED)
-            assert phase is Phase.STOPPED or before not in (Phase.FLYING, Phase.LEVEL)
+        handed_over |= before.sends and engaged
+        if handed_over:  # for good
+            assert phase in (Phase.FLYING, Phase.LEVEL, Phase.STOPPED)
+        if phase.sends and handed_over:
+            assert engaged
         if not good:  # never flown by the controller
             assert phase in (Phase.WAITING, Phase.LEVEL, Phase.STOPPED)
-        if phase is Phase.FLYING and before not in (Phase.FLYING, Phase.LEVEL):
-            assert (before, engaged, was) == (Phase.READY, True, False)
-        if phase is Phase.READY and before is not Phase.READY:
+        if before.sends and not phase.sends:  # levelled before it falls silent, or taken over
+            assert (was and not engaged) or before is Phase.LEVEL or not good
+        if phase is Phase.READY and before is Phase.WAITING:
             assert not engaged
             assert k > settle
             assert all(good for good, *_ in found[k - settle : k + 1])
@@ -431,4 +459,19 @@ def test_laws_of_any_course(course):
 def test_a_flight_goes_on_after_a_short_fault_and_ends_with_one_that_stays(lengths, phase):
     faults = [(round(t / TICK), k % 2 == 1, True) for k, t in enumerate(lengths)]
     assert run([(60, True, False), (50, True, True), *faults])[-1][2] is phase
-    assert run([(60, True, False), (10, False, True), (200, True, True)])[-1][2] is Phase.WAITING
+
+
+# Of one that is ready: parts of a course.
+@pytest.mark.parametrize(
+    ("parts", "phase"),
+    [
+        ([(29, False, False)], Phase.LEVEL),
+        ([(15, False, False), (11, True, False)], Phase.READY),
+        ([(32, False, False)], Phase.WAITING),
+        ([(20, False, False), (10, False, True)], Phase.LEVEL),
+        ([(15, False, True), (11, True, True)], Phase.FLYING),
+        ([(20, False, False), (12, False, True)], Phase.STOPPED),
+    ],
+)
+def test_one_that_is_ready_levels_before_it_is_silent_and_is_handed_over_meanwhile(parts, phase):
+    assert run([(60, True, False), *parts])[-1][2] is phase
