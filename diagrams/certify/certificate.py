@@ -3,7 +3,8 @@ fails there.
 
 Half of the flights explore: first evenly, then at the border of what fails too often. The largest
 part of the map in which they failed seldom enough is chosen. The other half are drawn in that part
-alone, after it was chosen: their failures are binomial, and Clopper-Pearson's bound is exact.
+alone, after it was chosen: their failures are binomial, and Clopper-Pearson's bound is exact. A
+cell may be flown that is of the part, where that bound is within the limit.
 """
 
 import dataclasses as dc
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
-from scipy import stats
+from scipy import special, stats
 
 from diagrams.batch.run import Case, Run, every_result, make_folder, require
 from diagrams.certify.draws import Range, drawn_flight, with_value
@@ -29,6 +30,7 @@ from np_drake.diagnosis.gap import manoeuvre
 from np_drake.effects.library import in_scenarios
 from np_drake.files.figure_file import PALETTE, Figure, new_figure
 from np_drake.files.file_access import plain, write_text
+from np_drake.files.number_text import number
 from np_drake.identification.quantities import QUANTITIES
 from np_drake.vehicle.sources import part
 
@@ -39,6 +41,7 @@ DRIVERS = 8  # quantities that a table shows
 NOTED = 2.0  # rank correlation over that of chance, from which a quantity counts [1]; own choice
 MOST_KEPT = 20  # failed flights that are written as scenario files
 EVEN, EXPLORING, CONFIRMING = "flying", "exploring", "confirming"
+YES, NOT_SHOWN, NO = "yes", "not shown", "no"  # of a cell
 
 
 @dc.dataclass(frozen=True)
@@ -55,9 +58,30 @@ class Bound:
         k, n = self.failures, self.flights
         return 1.0 if k == n else float(stats.beta.ppf(self.confidence, k + 1, n - k))
 
+    @property
+    def lower(self) -> float:
+        """Rate that is exceeded, with the confidence [1]; 0 without a failure."""
+        k, n = self.failures, self.flights
+        return float(stats.beta.ppf(1 - self.confidence, k, n - k + 1)) if k else 0.0
+
+    def lacking(self, limit: float) -> int | None:
+        """Return how many more flights without a failure bring the bound to a limit [1]; None where
+        the failures show that the rate is larger.
+        """
+        if self.lower > limit:
+            return None
+        needed = special.bdtrin(self.failures, 1 - self.confidence, limit)
+        return max(int(np.ceil(needed - 1e-9)) - self.flights, 0)
+
+    @property
+    def at_most(self) -> str:
+        """The bound in per cent, rounded up to two digits."""
+        digit = 10.0 ** (np.floor(np.log10(100 * self.upper)) - 1)
+        return f"{number(digit * np.ceil(100 * self.upper / digit - 1e-9), 2)} %"
+
     def __str__(self) -> str:
         """Return failures and bound in words."""
-        return f"{self.failures} of {self.flights}, at most {100 * self.upper:.2g} %"
+        return f"{self.failures} of {self.flights}, at most {self.at_most}"
 
 
 @dc.dataclass(frozen=True)
@@ -65,9 +89,10 @@ class Certificate:
     """Answer of `certify`.
 
     over: ranges; the first two make the map.
-    part: (a, b) cells of the map in which the vehicle may be flown.
-    flights: a line for every flight: `stage`, `shares`, `refused`, `lost`, `peak` and `E_xy` [m],
-        `failed`, and what was drawn.
+    part: (a, b) cells of the map that were chosen, and in which flights confirm.
+    flights: a line for every flight: `stage`, `shares`, `refused`, `lost`, `grounded`, `peak` and
+        `E_xy` [m], `failed`, and what was drawn.
+    asked: number of flights that were asked for.
     """
 
     config: FlightConfig
@@ -77,6 +102,7 @@ class Certificate:
     confidence: float
     limit: float
     within: float
+    asked: int
 
     @property
     def confirming(self) -> pd.DataFrame:
@@ -84,8 +110,9 @@ class Certificate:
         return self.flights[self.flights["stage"] == CONFIRMING]
 
     def bound(self, of: str = "failed") -> Bound:
-        """Return the bound of `failed`, of `lost` (refused flights among them), or of `outside`,
-        flights that left the corridor without a loss.
+        """Return the bound of `failed`, of `lost` (refused flights among them), of `outside`,
+        flights that left the corridor without a loss, or of `grounded`, whose payload was below the
+        ground.
         """
         rows = self.confirming
         return Bound(int(rows[of].sum()), len(rows), self.confidence)
@@ -94,6 +121,39 @@ class Certificate:
     def holds(self) -> bool:
         """Whether the bound of failures is below the limit."""
         return self.bound().upper <= self.limit
+
+    @property
+    def answer(self) -> str:
+        """What the flights show of the part: `YES`, `NOT_SHOWN`, or `NO` where it fails too often
+        or there is none.
+        """
+        if self.holds:
+            return YES
+        refuted = self.bound().lacking(self.limit) is None
+        return NO if refuted or not self.part.any() else NOT_SHOWN
+
+    @property
+    def cells(self) -> np.ndarray:
+        """Whether each cell of the map (a, b) may be flown: `YES`, `NOT_SHOWN` or `NO`."""
+        return np.where(self.part, self.answer, NO)
+
+    @property
+    def lacks(self) -> str:
+        """What the flights do not show yet, in words; empty where the bound holds, or cannot."""
+        more = self.bound().lacking(self.limit)
+        return f"{NOT_SHOWN}: {more} more flights would" if self.answer == NOT_SHOWN else ""
+
+    def flown_of_asked(self) -> str:
+        """Return how many of the flights that were asked for were flown, and why not all."""
+        refused = self.flights.loc[self.flights["refused"] != "", "refused"]
+        flown, unasked = len(self.flights) - len(refused), self.asked - len(self.flights)
+        reasons = []
+        if len(refused):
+            reasons.append(f"{len(refused)} cannot be flown as drawn, the first: {refused.iloc[0]}")
+        if unasked:
+            reasons.append(f"for {unasked} no part was left in which they fail seldom enough")
+        why = "; ".join(reasons)
+        return f"{flown} of {self.asked} flights asked were flown{': ' * bool(why)}{why}"
 
     def quantile(self, key: str, share: float) -> float:
         """Return the quantile of `peak` or `E_xy` in the part [m]; inf where lost flights reach
@@ -135,33 +195,40 @@ class Certificate:
         return ways.get(name) or "a measurement of it"
 
     def allowed(self) -> list[tuple[str, str]]:
-        """Return, for every cell of the first range, what the second may be."""
+        """Return, for every cell of the first range, whether it may be flown, or what the second
+        may be.
+        """
         if not self.over:
             return []
         first, second = self.over[0], self.over[1] if len(self.over) > 1 else None
         (a, b), found = self.part.shape, []
-        for i, row in enumerate(self.part):
-            cells, said = np.flatnonzero(row), "yes" if row.any() else "no"
-            if len(cells) and second is not None:
-                said = f"{second.at(cells[0] / b):.3g} to {second.at((cells[-1] + 1) / b):.3g}"
+        for i, row in enumerate(self.cells):
+            cells, said = np.flatnonzero(row != NO), self.lacks or YES
+            if not len(cells):
+                said = NO
+            elif second is not None:
+                ends = f"{second.at(cells[0] / b):.3g} to {second.at((cells[-1] + 1) / b):.3g}"
+                said = f"{ends} {self.lacks}".rstrip()
             found.append((f"{first.at(i / a):.3g} to {first.at((i + 1) / a):.3g}", said))
         return found
 
     def figure(self) -> Figure:
-        """Return the map: flights, where they failed, and the part that may be flown."""
+        """Return the map: flights, where they failed, and the cells that may be flown."""
         require(len(self.over) > 1, "certify: a map needs two ranges; name another --over.")
         x, y = self.over[1], self.over[0]
         figure, axes = new_figure(1, 1, width=6.5, height=5.0)
         ax, (a, b) = axes[0, 0], self.part.shape
         edges = [one.at(np.arange(n + 1) / n) for one, n in ((x, b), (y, a))]
-        blue = np.where(self.part[..., None], [0.72, 0.86, 0.95], 1.0)
-        ax.pcolormesh(*edges, blue)
+        colours = {YES: [0.72, 0.86, 0.95], NOT_SHOWN: [0.9] * 3, NO: [1.0] * 3}
+        ax.pcolormesh(*edges, np.array([[colours[cell] for cell in row] for row in self.cells]))
         shares = np.array(self.flights["shares"].tolist())
-        gone = (self.flights["lost"] | (self.flights["refused"] != "")).to_numpy()
-        outside = self.flights["outside"].to_numpy()
+        failed, outside, grounded, gone = (
+            self.flights[of].to_numpy(bool) for of in ("failed", "outside", "grounded", "lost")
+        )
         for which, style, said in (
-            (~gone & ~outside, {"marker": ".", "color": "0.35", "s": 8}, "flown"),
+            (~failed, {"marker": ".", "color": "0.35", "s": 8}, "flown"),
             (outside, {"marker": "^", "color": PALETTE[4], "s": 22}, f"beyond {self.within:g} m"),
+            (grounded, {"marker": "v", "color": PALETTE[2], "s": 22}, "payload below ground"),
             (gone, {"marker": "x", "color": PALETTE[1], "s": 22}, "lost, or not flyable"),
         ):
             if which.any():
@@ -169,11 +236,11 @@ class Certificate:
         labels = (f"{one.name} [{UNITS.get(one.name, 'SI')}]" for one in (x, y))
         ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
         ax.set(xlim=(x.low, x.high), ylim=(y.low, y.high))
-        bound = self.bound()
+        shown = {YES: "may be flown (blue)", NOT_SHOWN: f"is {self.lacks} (grey)", NO: "fails"}
         ax.set_title(
-            f"{self.config.name} with {self.config.controller.name}: blue is the part in which "
-            f"{bound.failures}\nof {bound.flights} flights failed, at most "
-            f"{100 * bound.upper:.2g} % ({100 * self.confidence:g} % sure)",
+            f"{self.config.name} with {self.config.controller.name}: the part "
+            f"{shown[self.answer]}\n{self.bound()} of its flights fail "
+            f"({100 * self.confidence:g} % sure)",
             fontsize=9,
         )
         figure.legend(loc="outside lower center", ncols=3)
@@ -199,28 +266,30 @@ def scenario_content(config: FlightConfig) -> dict[str, Any]:
     return stated(plain(settings_of(dc.replace(config, scaled=False))))
 
 
-KEYS = ("stage", "shares", "refused", "lost", "outside", "failed", "peak", "E_xy")
+KEYS = ("stage", "shares", "refused", "lost", "grounded", "outside", "failed", "peak", "E_xy")
 UNITS = {"payload": "kg", "tether": "m", "speed": "m/s", "wind": "m/s"}
 
 
 def flown(case: Case, *, config: FlightConfig, over: Sequence[Range], seed: int) -> dict:
-    """Return what became of a drawn flight: why it was refused, whether it was lost, largest
-    deviation and E_xy [m], None of one that was not flown to its end, and what was drawn.
+    """Return what became of a drawn flight: why it was refused, whether it was lost or its payload
+    below the ground, largest deviation and E_xy [m], None of one that was not flown to its end, and
+    what was drawn.
     """
+    lost = {"refused": "", "lost": True, "grounded": False, "peak": None, "E_xy": None}
     try:
         flight, drawn = drawn_flight(config, over, case["shares"], seed=(seed, case["flight"]))
     except ValueError as error:
         asked = {one.name: float(one.at(k)) for one, k in zip(over, case["shares"], strict=True)}
-        return {"refused": str(error), "lost": True, "peak": None, "E_xy": None, "drawn": asked}
+        return lost | {"refused": str(error), "drawn": asked}
     try:
         result = fly(flight, seed=case["flight"])
     except LostVehicle:
-        return {"refused": "", "lost": True, "peak": None, "E_xy": None, "drawn": drawn}
+        return lost | {"drawn": drawn}
     off = np.linalg.norm(result.flown - result.signals["p_ref"], axis=1)
     rows = result.scored
     errors = metrics.tracking_errors(result.flown[rows], result.signals["p_ref"][rows])
-    told = {"peak": float(off.max()), "E_xy": errors["E_xy"]}
-    return {"refused": "", "lost": False, **told, "drawn": drawn}
+    found = {"lost": False, "grounded": result.below_ground is not None, "drawn": drawn}
+    return lost | found | {"peak": float(off.max()), "E_xy": errors["E_xy"]}
 
 
 def chosen_part(failed: np.ndarray, flown_there: np.ndarray, rate: float) -> np.ndarray:
@@ -281,7 +350,8 @@ def _fly(
     for case, found in zip(cases, every_result(records), strict=True):
         drawn, outside = found.pop("drawn"), not found["lost"] and found["peak"] > within
         line = {"stage": stage, "shares": case["shares"], **found, "outside": outside}
-        lines.append({**line, "failed": found["lost"] or outside, **drawn})
+        failed = found["lost"] or found["grounded"] or outside
+        lines.append({**line, "failed": failed, **drawn})
     return lines
 
 
@@ -308,8 +378,8 @@ def certify(
 ) -> Certificate:
     """Fly draws of a scenario and return where, and how surely, it may be flown.
 
-    A flight fails that loses the vehicle, cannot be flown as drawn, or is ever farther than
-    `within` from its reference.
+    A flight fails that loses the vehicle, cannot be flown as drawn, lowers its payload below the
+    ground, or is ever farther than `within` from its reference.
 
     Args:
         config: scenario, in whose vehicle's intervals and reality's posterior flights are drawn.
@@ -370,4 +440,5 @@ def certify(
     inside = np.argwhere(part)
     if len(inside):
         fly_in(inside[rng.integers(len(inside), size=flights - len(lines))], CONFIRMING)
-    return Certificate(config, over, part, pd.DataFrame(lines), confidence, limit, within)
+    found = pd.DataFrame(lines)
+    return Certificate(config, over, part, found, confidence, limit, within, flights)

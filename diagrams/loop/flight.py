@@ -132,6 +132,22 @@ class FlightConfig:
         self._check_track()
         return self
 
+    def check_start(self) -> "FlightConfig":
+        """Return self after checking that the payload is hung above the ground, which the simulator
+        does not have.
+
+        Raises: ValueError: where it is not.
+        """
+        hung, t = self.reality.hung, self.reality.hangs_at
+        height = float(self.motion.sample(np.array([t]))[0, 0, 2])
+        require(
+            hung.tether == "none" or hung.reach <= height,
+            f"{self.name}: the payload must hang above the ground at {t:g} s; its lowest point is "
+            f"{hung.reach - height:.2f} m below it, on {hung.length:g} m from {height:g} m. Raise "
+            "reference.height, or shorten the tether (reality.payload.length).",
+        )
+        return self
+
     def _check_controller(self) -> None:
         """Check that the controller commands what flies, and that an oracle can know it."""
         command, kind = self.controller.mpc.command, self.controller.kind
