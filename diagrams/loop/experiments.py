@@ -76,7 +76,9 @@ def load_experiment(
         config = load_experiment(name, other.vehicle, checked=checked)
         if "controller" not in read_yaml(scenario_file(name)):
             config = dc.replace(config, controller=other.controller)
-        config = dc.replace(config, reality=other.reality, simulator=other.simulator)
+        config = dc.replace(config, simulator=other.simulator)
+        scales = name in EXPERIMENTS
+        config = config.in_reality(other.reality) if scales else dc.replace(config, reality=other.reality)
         return config.check_and_step() if checked else config
     require(
         name in EXPERIMENTS or name.endswith((".yaml", ".yml")),
@@ -100,7 +102,9 @@ def training_flight(scenario: Path) -> FlightConfig:
     if "reference" not in named:
         circle = load_experiment("training_circle", config.vehicle)
         config = dc.replace(
-            config, reference=circle.reference, duration=named.get("duration", circle.duration)
+            config,
+            reference=circle.in_reality(config.reality).reference,
+            duration=named.get("duration", circle.duration),
         )
     if "solver" not in (named.get("controller") or {}):
         config.controller.solver = SOLVER

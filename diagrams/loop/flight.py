@@ -179,6 +179,13 @@ class FlightConfig:
             f"{self.reality.dead_time:g}.",
         )
 
+    def in_reality(self, reality: RealityConfig) -> "FlightConfig":
+        """Return the flight in another reality, as much higher as its payload hangs lower there."""
+        lower = reality.hung.reach - self.reality.hung.reach
+        more = max(lower, 0.0) if reality.hung.tether != "none" else 0.0
+        reference = dc.replace(self.reference, height=self.reference.height + more)
+        return dc.replace(self, reality=reality, reference=reference)
+
     def with_autopilot(self, kind: str) -> "FlightConfig":
         """Return the flight with an autopilot, whose controller commands body rates.
 
@@ -403,6 +410,8 @@ def _read(content: Any, vehicle: Vehicle | None, folder: Path) -> FlightConfig:
     default = default_flight(own)
     flight = filled(dc.replace(default, duration=np.nan), content)
     flight.vehicle = own
+    if "height" not in (content.get("reference") or {}):
+        flight.reference.height = default.in_reality(flight.reality.check()).reference.height
     if flight.reference.is_file:
         flight.reference.track = str(folder / flight.reference.track)
         flight.reference.check()
