@@ -34,7 +34,6 @@ MOST_ROWS = 10**6  # of a record, at one a period, which takes 700 MB; own choic
 FINEST_STEP = 1e-6  # of the simulator [s]; own choice
 SLOW = 0.1  # of the step that was set: a warning; own choice [1]
 RATE = 100.0  # at which a motion is looked at [Hz]
-LOOKS = 1 / RATE  # between two looks at a motion [s]
 MOST_INSTANTS = 200_000  # of a motion that are looked at
 LIFTED = 0.9  # of the rotors' thrust that may hang on them; own choice: the rest steers [1]
 WIDER = "Take a lower speed, a larger track or a longer ramp."  # where it has a name
