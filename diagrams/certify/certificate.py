@@ -251,11 +251,11 @@ class Certificate:
         make_folder(folder)
         failed = self.flights[self.flights["failed"] & (self.flights["refused"] == "")]
         written = []
-        for number, row in failed.sort_values("stage").head(MOST_KEPT).iterrows():
-            flight, _ = drawn_flight(self.config, self.over, row["shares"], seed=(seed, number))
-            content = scenario_content(dc.replace(flight, name=f"{flight.name}_{number}"))
+        for k, row in failed.sort_values("stage").head(MOST_KEPT).iterrows():
+            flight, _ = drawn_flight(self.config, self.over, row["shares"], seed=(seed, k))
+            content = scenario_content(dc.replace(flight, name=f"{flight.name}_{k}"))
             path = folder / f"{content['name']}.yaml"
-            head = f"# Flight {number} of a certificate: np-drake fly {path.name} --seed {number}\n"
+            head = f"# Flight {k} of a certificate: np-drake fly {path.name} --seed {k}\n"
             write_text(path, head + yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
             written.append(path)
         return written

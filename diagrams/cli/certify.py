@@ -149,11 +149,7 @@ def tables(found: Certificate) -> list[Table]:
         )
         flights = found.confirming
     bounds = [
-        (
-            said,
-            f"{int(flights[of].sum())} of {len(flights)}",
-            found.bound(of).at_most,
-        )
+        (said, f"{int(flights[of].sum())} of {len(flights)}", found.bound(of).at_most)
         for of, said in BOUNDED.items()
     ]
     result: list[Table] = [(title, ["the vehicle", "flights", "at most"], bounds)]

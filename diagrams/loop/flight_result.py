@@ -25,8 +25,8 @@ from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 
 WRENCH = ("fx", "fy", "fz", "taux", "tauy", "tauz")  # columns of a wrench [N, N·m]
-# Height below which a vehicle counts as lost, and a payload is warned of: the simulator has no ground,
-# flights do [m].
+# Height below which a vehicle counts as lost, and a payload is warned of: the simulator has no
+# ground, flights do [m].
 GROUND = 0.0
 MOST_TOLD = 5  # waypoints in a sentence
 
@@ -265,9 +265,9 @@ class FlightResult:
         if self.below_ground is not None:
             time, depth = self.below_ground
             said.append(
-                f"the payload of the flight with {self.label} is below the ground from {time:.2f} s "
-                f"on, by {measure(depth, 'm')} at most; the simulator has no ground. Fly higher, or "
-                "shorten the tether."
+                f"the payload of the flight with {self.label} is below the ground from {time:.2f} "
+                f"s on, by {measure(depth, 'm')} at most; the simulator has no ground. Fly higher, "
+                "or shorten the tether."
             )
         rows = np.flatnonzero([] if distances is None else distances > within)
         if distances is None or not len(rows):

@@ -427,9 +427,9 @@ FEWEST = 8  # least number of blocks; they are shorter in short flights; own cho
 DRAWS = 400  # of the posterior
 SEED = 1  # of its draws, and of the noise
 NOISES = 4  # draws of the noise of each flight
-# A remainder is material that exceeds a stated size and the first share of the gap, below which it is
-# nothing beside what is explained; and that exceeds the second, which is no explanation [1]. Source:
-# own choice.
+# A remainder is material that exceeds a stated size and the first share of the gap, below which it
+# is nothing beside what is explained; and that exceeds the second, which is no explanation [1].
+# Source: own choice.
 NOTHING, TOO_MUCH = 0.02, 0.2
 NEVER_LESS = 1e-6  # share that is left: that nothing is, no flight shows [1]
 SURE_GAP = 0.025  # quantile of the gap that is above the noise where there is one [1]
@@ -479,12 +479,12 @@ def measure_remainder(
     force, torque = (np.sqrt(beyond[..., part].sum(axis=-1)) for part in (FORCE, TORQUE))
 
     # Position error [m], beyond that of noise, of slow errors of the attitude, and with structure.
-    moved, by_noise = _position_errors(held, (before, after), noise)
+    starts, by_noise = _position_errors(held, (before, after), noise)
     tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / vehicle.mass) ** 2
     held_share = powers @ scale / np.maximum(whole @ scale, 1e-300)
     hidden = there @ (held_share * [i.position for i in indications])
     hidden = np.minimum(hidden, np.mean(by_noise))[:, None]
-    moved = _drawn_means(moved, round(BLOCK / STARTS), rng)
+    moved = _drawn_means(starts, round(BLOCK / STARTS), rng)
     position = np.sqrt(np.maximum(moved - tilted, 0.0) + hidden)
     alone = float(np.sqrt(np.quantile(by_noise, ALONE)))
     tells = alone < vehicle.gravity * HORIZON**2 / 12  # of a constant torque, a radian [m]
@@ -514,9 +514,7 @@ def measure_remainder(
     )
 
 
-def _drawn_means(
-    parts: Sequence[np.ndarray], size: int, rng: np.random.Generator
-) -> np.ndarray:
+def _drawn_means(parts: Sequence[np.ndarray], size: int, rng: np.random.Generator) -> np.ndarray:
     """Return draws (`DRAWS`, …) of the mean of the rows (m, …) of all flights, by blocks of `size`
     rows.
     """

@@ -18,10 +18,10 @@ from diagrams.cli.main import run as command_line
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_result import fly
-from systems.payload_config import push
 from np_drake.effects import LinearDrag, MassError
 from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.vehicle import Vehicle
+from systems.payload_config import push
 
 OVER = (Range("payload", 0.1, 0.5), Range("speed", 0.5, 1.5))
 maps = arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6)))
@@ -81,7 +81,13 @@ def test_no_flights_bring_a_bound_to_a_limit_that_failures_refute():
 
 @pytest.mark.parametrize(
     "failures, flights, said",
-    [(0, 11, "24 %"), (0, 299, "1.0 %"), (0, 298, "1.1 %"), (11, 11, "100 %"), (0, 30000, "0.010 %")],
+    [
+        (0, 11, "24 %"),
+        (0, 299, "1.0 %"),
+        (0, 298, "1.1 %"),
+        (11, 11, "100 %"),
+        (0, 30000, "0.010 %"),
+    ],
 )
 def test_a_bound_is_written_as_people_write_it_and_never_rounded_down(failures, flights, said):
     assert Bound(failures, flights, 0.95).at_most == said
@@ -189,7 +195,10 @@ def test_a_payload_below_the_ground_fails_and_a_start_there_cannot_be_flown():
         for share in shares
     ]
     assert [one["grounded"] for one in found] == [False, True, False]
-    assert "the payload must hang above the ground at 0 s; its lowest point is 0." in found[2]["refused"]
+    assert (
+        "the payload must hang above the ground at 0 s; its lowest point is 0."
+        in found[2]["refused"]
+    )
 
 
 def test_failed_flights_are_scenario_files_that_fail_alike(tmp_path):

@@ -145,7 +145,7 @@ def test_a_payload_below_the_ground_is_told_with_time_and_depth():
     free = dc.replace(config, events=[release(0.02)])  # what is let go may fall
     assert fly(free, seed=0).below_ground is None
     config.reference.height -= 0.02
-    with pytest.raises(ValueError, match="lowest point is 0.01 m below it.*shorten the tether"):
+    with pytest.raises(ValueError, match=r"is 0\.01 m below it.*shorten the tether"):
         fly(config)
 
 

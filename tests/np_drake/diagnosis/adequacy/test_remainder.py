@@ -6,6 +6,7 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
+
 from np_drake.diagnosis.decision import unexplained as dut
 from np_drake.diagnosis.decision.unexplained import Indication
 from np_drake.diagnosis.held_out import HeldOut
@@ -70,7 +71,7 @@ def test_sizes_share_and_probability_are_one_answer(hover, before, after, materi
     assert not found.share > dut.TOO_MUCH or found.matters
 
 
-def test_noise_of_torque_leads_as_far_as_it_integrates_and_hides_what_leads_less_far(hover):
+def test_noise_of_torque_leads_as_far_as_it_integrates(hover):
     deviation, step = 0.05, hover.grid.step  # [N·m], of white noise
     own = noise_of(hover)
     own[:, 3:5] *= deviation / 1e-3
