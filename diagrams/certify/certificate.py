@@ -58,20 +58,14 @@ class Bound:
         k, n = self.failures, self.flights
         return 1.0 if k == n else float(stats.beta.ppf(self.confidence, k + 1, n - k))
 
-    @property
-    def lower(self) -> float:
-        """Rate that is exceeded, with the confidence [1]; 0 without a failure."""
-        k, n = self.failures, self.flights
-        return float(stats.beta.ppf(1 - self.confidence, k, n - k + 1)) if k else 0.0
-
     def lacking(self, limit: float) -> int | None:
         """Return how many more flights without a failure bring the bound to a limit [1]; None where
-        the failures show that the rate is larger.
+        the failures show, with the same confidence, that the rate is larger.
         """
-        if self.lower > limit:
+        k, n, unsure = self.failures, self.flights, 1 - self.confidence
+        if k and stats.beta.ppf(unsure, k, n - k + 1) > limit:
             return None
-        needed = special.bdtrin(self.failures, 1 - self.confidence, limit)
-        return max(int(np.ceil(needed - 1e-9)) - self.flights, 0)
+        return max(int(np.ceil(special.bdtrin(k, unsure, limit) - 1e-9)) - n, 0)
 
     @property
     def at_most(self) -> str:
@@ -118,30 +112,24 @@ class Certificate:
         return Bound(int(rows[of].sum()), len(rows), self.confidence)
 
     @property
-    def holds(self) -> bool:
-        """Whether the bound of failures is below the limit."""
-        return self.bound().upper <= self.limit
+    def lacking(self) -> int | None:
+        """How many more flights in the part, none of which fails, would show that it may be flown;
+        None where none would, as it fails too often, or there is no part.
+        """
+        return self.bound().lacking(self.limit) if self.part.any() else None
 
     @property
     def answer(self) -> str:
-        """What the flights show of the part: `YES`, `NOT_SHOWN`, or `NO` where it fails too often
-        or there is none.
-        """
-        if self.holds:
-            return YES
-        refuted = self.bound().lacking(self.limit) is None
-        return NO if refuted or not self.part.any() else NOT_SHOWN
+        """Whether the part may be flown: `YES`, `NOT_SHOWN` with how many flights lack, or `NO`."""
+        more = self.lacking
+        if more is None:
+            return NO
+        return f"{NOT_SHOWN}: {more} more flights would" if more else YES
 
     @property
     def cells(self) -> np.ndarray:
-        """Whether each cell of the map (a, b) may be flown: `YES`, `NOT_SHOWN` or `NO`."""
+        """Whether each cell of the map (a, b) may be flown, as of `answer`."""
         return np.where(self.part, self.answer, NO)
-
-    @property
-    def lacks(self) -> str:
-        """What the flights do not show yet, in words; empty where the bound holds, or cannot."""
-        more = self.bound().lacking(self.limit)
-        return f"{NOT_SHOWN}: {more} more flights would" if self.answer == NOT_SHOWN else ""
 
     def flown_of_asked(self) -> str:
         """Return how many of the flights that were asked for were flown, and why not all."""
@@ -203,12 +191,11 @@ class Certificate:
         first, second = self.over[0], self.over[1] if len(self.over) > 1 else None
         (a, b), found = self.part.shape, []
         for i, row in enumerate(self.cells):
-            cells, said = np.flatnonzero(row != NO), self.lacks or YES
-            if not len(cells):
-                said = NO
-            elif second is not None:
+            cells = np.flatnonzero(row != NO)
+            said = self.answer if len(cells) else NO
+            if len(cells) and second is not None:
                 ends = f"{second.at(cells[0] / b):.3g} to {second.at((cells[-1] + 1) / b):.3g}"
-                said = f"{ends} {self.lacks}".rstrip()
+                said = ends if said == YES else f"{ends} {said}"
             found.append((f"{first.at(i / a):.3g} to {first.at((i + 1) / a):.3g}", said))
         return found
 
@@ -219,8 +206,8 @@ class Certificate:
         figure, axes = new_figure(1, 1, width=6.5, height=5.0)
         ax, (a, b) = axes[0, 0], self.part.shape
         edges = [one.at(np.arange(n + 1) / n) for one, n in ((x, b), (y, a))]
-        colours = {YES: [0.72, 0.86, 0.95], NOT_SHOWN: [0.9] * 3, NO: [1.0] * 3}
-        ax.pcolormesh(*edges, np.array([[colours[cell] for cell in row] for row in self.cells]))
+        colour = [0.72, 0.86, 0.95] if self.answer == YES else [0.9] * 3
+        ax.pcolormesh(*edges, np.where((self.cells != NO)[..., None], colour, 1.0))
         shares = np.array(self.flights["shares"].tolist())
         failed, outside, grounded, gone = (
             self.flights[of].to_numpy(bool) for of in ("failed", "outside", "grounded", "lost")
@@ -236,11 +223,9 @@ class Certificate:
         labels = (f"{one.name} [{UNITS.get(one.name, 'SI')}]" for one in (x, y))
         ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
         ax.set(xlim=(x.low, x.high), ylim=(y.low, y.high))
-        shown = {YES: "may be flown (blue)", NOT_SHOWN: f"is {self.lacks} (grey)", NO: "fails"}
         ax.set_title(
-            f"{self.config.name} with {self.config.controller.name}: the part "
-            f"{shown[self.answer]}\n{self.bound()} of its flights fail "
-            f"({100 * self.confidence:g} % sure)",
+            f"{self.config.name} with {self.config.controller.name}. The part may be flown: "
+            f"{self.answer}.\nIt fails in {self.bound()} ({100 * self.confidence:g} % sure)",
             fontsize=9,
         )
         figure.legend(loc="outside lower center", ncols=3)

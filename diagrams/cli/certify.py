@@ -86,9 +86,9 @@ def certify(
             **{"limit": limit, "confidence": confidence, "within": within, "cells": cells},
         },
         metrics={
-            "holds": found.holds,
+            "holds": found.answer == YES,
             "cells": found.cells.tolist(),
-            "lacking": found.bound().lacking(limit),
+            "lacking": found.lacking,
             "asked": found.asked,
             "flown": int((found.flights["refused"] == "").sum()),
             "bounds": {
@@ -99,7 +99,7 @@ def certify(
             "drivers": found.drivers(),
             "flights": found.flights.to_dict("records"),
         },
-        notes=[found.flown_of_asked()],
+        summary=[found.flown_of_asked()],
         figures={"map.png": found.figure} if len(ranges) > 1 else {},
         write=write,
     )
@@ -124,11 +124,11 @@ def sentence(found: Certificate) -> str:
         return f"{who}: nothing may be flown: flights fail in every part of the ranges."
     told = f"it fails in {bound}, {100 * found.confidence:g} % sure."
     where, less = "in the part below" if found.over else "as drawn", f"{100 * found.limit:g} %"
-    more = bound.lacking(found.limit)
-    if found.answer == YES:
-        return f"{who} may be flown {where}: {told}"
+    more = found.lacking
     if more is None:
         return f"{who} fails {where} more often than {less}: {told} {OTHERWISE}"
+    if not more:
+        return f"{who} may be flown {where}: {told}"
     flights = (bound.flights + more) * (2 if found.over else 1)  # half of them explore
     return (
         f"{who} is not shown to fail in less than {less} {where}: {told} {more} more flights "

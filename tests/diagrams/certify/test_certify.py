@@ -141,7 +141,7 @@ def test_exploring_goes_on_at_the_border():
     assert found.bound().flights == 160
     assert sentence(found).startswith("circle with nominal is not shown")  # 160 tell 1.9 %
     assert "139 more flights without a failure would show it (--flights 598)" in sentence(found)
-    assert set(found.cells[found.part]) == {"not shown"}
+    assert set(found.cells[found.part]) == {"not shown: 139 more flights would"}
     assert set(found.cells[~found.part]) == {"no"}
     (_, _, rows), *_ = (table for table in tables(found) if table[0] == "what may be flown")
     assert all(said == "0.5 to 1 not shown: 139 more flights would" for _, said in rows)
@@ -162,7 +162,7 @@ def test_what_the_deviation_goes_with_comes_first():
 
 def test_where_every_cell_fails_nothing_may_be_flown():
     found = made_of(lambda shares: 1.0, 3, flights=60, cells=2)
-    assert not found.holds
+    assert found.answer == "no"
     assert found.bound() == Bound(0, 0, 0.95)
     assert "nothing may be flown" in sentence(found)
     assert [said for _, said in found.allowed()] == ["no", "no"]
