@@ -142,8 +142,8 @@ class FlightConfig:
         require(
             hung.tether == "none" or hung.reach <= height,
             f"{self.name}: the payload must hang above the ground at {t:g} s; its lowest point is "
-            f"{hung.reach - height:.2f} m below it, on {hung.length:g} m from {height:g} m. Raise "
-            "reference.height, or shorten the tether (reality.payload.length).",
+            f"{hung.reach - height:.2f} m below it, on {hung.length:.3g} m from {height:.3g} m. "
+            "Raise reference.height, or shorten the tether (reality.payload.length).",
         )
         return self
 

@@ -472,10 +472,13 @@ def measure_remainder(
     ]
     drawn = _drawn_means(squares, round(BLOCK / flights[0].grid.step), rng)
 
-    # Draws (DRAWS, 2), before and after: power over noise [1], force [N], torque [N·m].
+    excess = drawn - power - drift
+
+    # Draws before and after, of sizes with that of the mean behind them: power over noise [1],
+    # force [N], torque [N·m].
     structure = np.minimum(there @ (powers @ scale), power @ scale)
-    gap, left = (np.maximum((drawn - power - drift) @ scale, 0.0) + structure[:, None]).T
-    beyond = np.maximum(drawn - power - drift, 0.0) + (there @ powers)[:, None]
+    gap, left = (np.maximum(excess @ scale, 0.0) + structure[:, None]).T
+    beyond = np.maximum(_with_mean(excess), 0.0) + _with_mean(there @ powers)[:, None]
     force, torque = (np.sqrt(beyond[..., part].sum(axis=-1)) for part in (FORCE, TORQUE))
 
     # Position error [m], beyond that of noise, of slow errors of the attitude, and with structure.
@@ -483,27 +486,25 @@ def measure_remainder(
     tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / vehicle.mass) ** 2
     held_share = powers @ scale / np.maximum(whole @ scale, 1e-300)
     hidden = there @ (held_share * [i.position for i in indications])
-    hidden = np.minimum(hidden, np.mean(by_noise))[:, None]
-    moved = _drawn_means(starts, round(BLOCK / STARTS), rng)
+    hidden = _with_mean(np.minimum(hidden, np.mean(by_noise)))[:, None]
+    moved = _with_mean(_drawn_means(starts, round(BLOCK / STARTS), rng))
     position = np.sqrt(np.maximum(moved - tilted, 0.0) + hidden)
     alone = float(np.sqrt(np.quantile(by_noise, ALONE)))
     tells = alone < vehicle.gravity * HORIZON**2 / 12  # of a constant torque, a radian [m]
 
     least = materiality.remaining_force * flights[0].weight
-    sizes = (np.sqrt(np.mean(size**2, axis=0)).tolist() for size in (force, torque, position))
-    (force_before, force_left), (_, torque_left), (moved_before, moved_left) = sizes
     found = Remainder(
-        force=force_left,
-        torque=torque_left,
-        position=moved_left if tells else np.nan,
-        position_before=moved_before,
+        force=float(force[-1, 1]),
+        torque=float(torque[-1, 1]),
+        position=float(position[-1, 1]) if tells else np.nan,
+        position_before=float(position[-1, 0]),
         noise=alone,
     )
-    large_before = force_before >= least or moved_before >= materiality.position
+    large_before = force[-1, 0] >= least or found.position_before >= materiality.position
     if not (np.quantile(gap, SURE_GAP) > 0 and large_before):
         return found
     shares = np.maximum(left / np.maximum(gap, 1e-12), NEVER_LESS)
-    large = (force[:, 1] > least) | (position[:, 1] > materiality.position)
+    large = (force[:-1, 1] > least) | (position[:-1, 1] > materiality.position)
     material = (shares > TOO_MUCH) | (large & (shares > NOTHING))
     low, high = np.quantile(shares, [0.025, 0.975])
     return dc.replace(
@@ -512,6 +513,11 @@ def measure_remainder(
         ci95=(float(low), float(high)),
         probability=float(np.mean(material)),
     )
+
+
+def _with_mean(draws: np.ndarray) -> np.ndarray:
+    """Return draws (n, …) with their mean behind them (n + 1, …)."""
+    return np.concatenate([draws, draws.mean(axis=0, keepdims=True)])
 
 
 def _drawn_means(parts: Sequence[np.ndarray], size: int, rng: np.random.Generator) -> np.ndarray:

@@ -198,7 +198,7 @@ def sizes_left(left: Remainder) -> str:
     after = f"after 1{NBSP}s"
     sizes += [f"{measure(left.position, 'm')} {after}"] * math.isfinite(left.position)
     hides = 0 < left.noise < math.inf and not left.position > left.noise
-    alone = f" (noise alone: up to {measure(left.noise, 'm')} {after})" * hides
+    alone = f", beside up to {measure(left.noise, 'm')} {after} by noise alone" * hides
     return f"{listed(sizes) or 'nothing'}{alone}"
 
 
