@@ -127,12 +127,12 @@ def test_a_remainder_that_the_rule_of_the_share_or_noise_hides_says_so(diagnosis
     sizes = {"force": 1e-3, "torque": 0.0}
     small = with_left(diagnosis, share=0.005, position=0.43, noise=0.73, **sizes)
     said = remains(small).replace("\u00a0", " ")
-    assert said.startswith(
-        "0.5 % of the held-out gap is left beyond the noise (immaterial below 2 %):"
+    assert (
+        "left beyond the noise (immaterial below 2 %): 1.0 mN and 0.43 m after 1 s, beside" in said
     )
-    assert "1.0 mN and 0.43 m after 1 s (noise alone: up to 0.73 m after 1 s)." in said
     hidden = with_left(diagnosis, position=float("nan"), noise=1.7, **sizes)
-    assert ": 1.0 mN (noise alone: up to 1.7 m" in remains(hidden).replace("\u00a0", " ")
+    said = remains(hidden).replace("\u00a0", " ")
+    assert ": 1.0 mN, beside up to 1.7 m after 1 s by noise alone." in said
 
 
 def test_of_an_immaterial_gap_no_share_is_said(diagnosis):
