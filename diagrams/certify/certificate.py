@@ -134,14 +134,13 @@ class Certificate:
     def flown_of_asked(self) -> str:
         """Return how many of the flights that were asked for were flown, and why not all."""
         refused = self.flights.loc[self.flights["refused"] != "", "refused"]
-        flown, unasked = len(self.flights) - len(refused), self.asked - len(self.flights)
-        reasons = []
+        flown, missing = len(self.flights) - len(refused), self.asked - len(self.flights)
+        said = f"{flown} of {self.asked} flights asked were flown"
         if len(refused):
-            reasons.append(f"{len(refused)} cannot be flown as drawn, the first: {refused.iloc[0]}")
-        if unasked:
-            reasons.append(f"for {unasked} no part was left in which they fail seldom enough")
-        why = "; ".join(reasons)
-        return f"{flown} of {self.asked} flights asked were flown{': ' * bool(why)}{why}"
+            said += f"; {len(refused)} cannot be flown as drawn, the first: {refused.iloc[0]}"
+        if missing:
+            said += f"; for {missing} no part was left in which they fail seldom enough"
+        return said
 
     def quantile(self, key: str, share: float) -> float:
         """Return the quantile of `peak` or `E_xy` in the part [m]; inf where lost flights reach

@@ -161,13 +161,12 @@ def tables(found: Certificate) -> list[Table]:
     columns = (
         ("quantity", "name"),
         ("rank correlation", lambda line: f"{line['rho']:+.2f}"),
-        ("failed, low / middle / high third", lambda line: _thirds(line["thirds"])),
+        (
+            "failed, low / middle / high third",
+            lambda line: " / ".join(map(percent, line["thirds"])),
+        ),
         ("told by", "told_by"),
     )
     if drivers:
         result.append(tabulate("what the largest deviation goes with", drivers, columns))
     return result
-
-
-def _thirds(shares: list[float]) -> str:
-    return " / ".join(map(percent, shares))

@@ -232,9 +232,9 @@ class FlightResult:
         return s[:, 4:7] + attitude.rotate(s[:, :4], hung.hook + hung.length * down)
 
     @cached_property
-    def below_ground(self) -> tuple[float, float] | None:
-        """When the hanging payload is first below the ground [s], and how deep it is at most [m];
-        None where it never is.
+    def below_ground(self) -> dict[str, float] | None:
+        """The `time` from which the hanging payload is below the ground [s], and its largest
+        `depth` [m]; None where it never is.
         """
         if self.payload_position is None:
             return None
@@ -242,7 +242,7 @@ class FlightResult:
         cut = min((e.time for e in self.config.events if e.kind == "release"), default=np.inf)
         depth = GROUND + reality.hung.radius - self.payload_position[:, 2]
         rows = np.flatnonzero((depth > 0) & (t > reality.hangs_at) & (t < cut))
-        return (float(t[rows[0]]), float(depth[rows].max())) if len(rows) else None
+        return {"time": t[rows[0]], "depth": depth[rows].max()} if len(rows) else None
 
     @property
     def flown(self) -> np.ndarray:
@@ -262,12 +262,11 @@ class FlightResult:
         below the ground; none where all is well.
         """
         said, distances, within = [], self.waypoint_distances, self.config.reference.within
-        if self.below_ground is not None:
-            time, depth = self.below_ground
+        if below := self.below_ground:
             said.append(
-                f"the payload of the flight with {self.label} is below the ground from {time:.2f} "
-                f"s on, by {measure(depth, 'm')} at most; the simulator has no ground. Fly higher, "
-                "or shorten the tether."
+                f"the payload of the flight with {self.label} is below the ground from "
+                f"{below['time']:.2f} s on, by {measure(below['depth'], 'm')} at most; the "
+                "simulator has no ground. Fly higher, or shorten the tether."
             )
         rows = np.flatnonzero([] if distances is None else distances > within)
         if distances is None or not len(rows):
@@ -293,8 +292,7 @@ class FlightResult:
         if self.waypoint_distances is not None:
             result["waypoint_distances"] = self.waypoint_distances.tolist()
         if self.below_ground is not None:
-            time, depth = self.below_ground
-            result["payload_below_ground"] = {"time": time, "depth": depth}
+            result["payload_below_ground"] = self.below_ground
         if self.chi_foreseen is not None:
             result["wrench_rmse"] = metrics.wrench_rmse(
                 self.chi_foreseen[rows], self.chi_true[rows]

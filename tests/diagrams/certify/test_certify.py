@@ -76,7 +76,6 @@ def test_no_flights_bring_a_bound_to_a_limit_that_failures_refute():
     assert Bound(0, 11, 0.95).lacking(0.01) == 288  # 0.99^299 is below 5 %, 0.99^298 is not
     assert Bound(0, 500, 0.95).lacking(0.01) == 0
     assert Bound(3, 11, 0.95).lacking(0.01) is None
-    assert Bound(1, 11, 0.95).lacking(0.01) == 473 - 11
 
 
 @pytest.mark.parametrize(
@@ -166,7 +165,7 @@ def test_where_every_cell_fails_nothing_may_be_flown():
     assert found.bound() == Bound(0, 0, 0.95)
     assert "nothing may be flown" in sentence(found)
     assert [said for _, said in found.allowed()] == ["no", "no"]
-    flown = "15 of 60 flights asked were flown: for 45 no part was left in which they fail seldom"
+    flown = "15 of 60 flights asked were flown; for 45 no part was left in which they fail seldom"
     assert found.flown_of_asked().startswith(flown)
     assert tables(found)
     true = pd.DataFrame({"shares": [[0.2, 0.2]], "failed": [False], "peak": [0.1], "E_xy": [0.1]})

@@ -137,7 +137,7 @@ def test_a_payload_below_the_ground_is_told_with_time_and_depth():
     config.reference.height = config.reality.payload.reach + 0.01  # less than the vehicle sags [m]
     flight = fly(config, seed=0)
     lowest = flight.payload_position[:, 2] - config.reality.payload.radius
-    time, depth = flight.below_ground
+    time, depth = flight.below_ground["time"], flight.below_ground["depth"]
     assert depth == pytest.approx(-lowest.min())
     assert lowest[flight.signals["t"] < time].min() >= 0
     assert f"below the ground from {time:.2f} s on" in flight.warnings()[0]
