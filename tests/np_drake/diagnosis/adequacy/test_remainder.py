@@ -125,3 +125,5 @@ def test_structure_in_the_noise_is_left_as_probably_as_it_is_there(hover):
     assert none.share < 0.01
     assert found.share > none.share
     assert found.force == pytest.approx((0.9 * 0.6) ** 0.5 * FORCE_NOISE, rel=0.05)
+    far = left_of(hover, gap, push(hover, 0.0), [hidden[0]._replace(position=100.0)])
+    assert 0 < far.position < far.noise  # structure that the noise holds leads no farther
