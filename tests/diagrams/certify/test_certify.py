@@ -183,7 +183,7 @@ def test_where_no_draw_can_be_flown_it_says_why():
     config.check()
 
 
-def test_a_payload_below_the_ground_fails_and_a_start_there_cannot_be_flown():
+def test_a_payload_below_the_ground_fails_and_no_flight_starts_there():
     config = load_experiment("hover")
     config.duration, config.reference.ramp, config.reference.height = 0.4, 0.2, 0.93
     config.events = [push(0.1, [0.0, 0.0, -0.1])]  # the hanging payload clears it by 0.075 m
