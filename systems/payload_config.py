@@ -75,6 +75,11 @@ class PayloadConfig:
         return min(self.rope_mass / self.segments, self.mass), 3 * stiffness, 4 * damping
 
     @property
+    def reach(self) -> float:
+        """How far the lowest point of the payload hangs below Bo of a level vehicle [m]."""
+        return self.length + self.radius - self.hook[2]
+
+    @property
     def pendulum(self) -> tuple[float, float]:
         """Mass and length of the payload on a cable without mass that pulls as this one, which
         swings straight: S²/I and I/S [kg, m], with moment S and moment of inertia I about the hook.

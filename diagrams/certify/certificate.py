@@ -3,7 +3,8 @@ fails there.
 
 Half of the flights explore: first evenly, then at the border of what fails too often. The largest
 part of the map in which they failed seldom enough is chosen. The other half are drawn in that part
-alone, after it was chosen: their failures are binomial, and Clopper-Pearson's bound is exact.
+alone, after it was chosen: their failures are binomial, and Clopper-Pearson's bound is exact. A
+cell may be flown that is of the part, where that bound is within the limit.
 """
 
 import dataclasses as dc
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
-from scipy import stats
+from scipy import special, stats
 
 from diagrams.batch.run import Case, Run, every_result, make_folder, require
 from diagrams.certify.draws import Range, drawn_flight, with_value
@@ -29,6 +30,7 @@ from np_drake.diagnosis.gap import manoeuvre
 from np_drake.effects.library import in_scenarios
 from np_drake.files.figure_file import PALETTE, Figure, new_figure
 from np_drake.files.file_access import plain, write_text
+from np_drake.files.number_text import number
 from np_drake.identification.quantities import QUANTITIES
 from np_drake.vehicle.sources import part
 
@@ -39,6 +41,7 @@ DRIVERS = 8  # quantities that a table shows
 NOTED = 2.0  # rank correlation over that of chance, from which a quantity counts [1]; own choice
 MOST_KEPT = 20  # failed flights that are written as scenario files
 EVEN, EXPLORING, CONFIRMING = "flying", "exploring", "confirming"
+YES, NOT_SHOWN, NO = "yes", "not shown", "no"  # of a cell
 
 
 @dc.dataclass(frozen=True)
@@ -55,9 +58,24 @@ class Bound:
         k, n = self.failures, self.flights
         return 1.0 if k == n else float(stats.beta.ppf(self.confidence, k + 1, n - k))
 
+    def lacking(self, limit: float) -> int | None:
+        """Return how many more flights without a failure bring the bound to a limit [1]; None where
+        the failures show, with the same confidence, that the rate is larger.
+        """
+        k, n, unsure = self.failures, self.flights, 1 - self.confidence
+        if k and stats.beta.ppf(unsure, k, n - k + 1) > limit:
+            return None
+        return max(int(np.ceil(special.bdtrin(k, unsure, limit) - 1e-9)) - n, 0)
+
+    @property
+    def at_most(self) -> str:
+        """The bound in per cent, rounded up to two digits."""
+        digit = 10.0 ** (np.floor(np.log10(100 * self.upper)) - 1)
+        return f"{number(digit * np.ceil(100 * self.upper / digit - 1e-9), 2)} %"
+
     def __str__(self) -> str:
         """Return failures and bound in words."""
-        return f"{self.failures} of {self.flights}, at most {100 * self.upper:.2g} %"
+        return f"{self.failures} of {self.flights}, at most {self.at_most}"
 
 
 @dc.dataclass(frozen=True)
@@ -65,9 +83,10 @@ class Certificate:
     """Answer of `certify`.
 
     over: ranges; the first two make the map.
-    part: (a, b) cells of the map in which the vehicle may be flown.
-    flights: a line for every flight: `stage`, `shares`, `refused`, `lost`, `peak` and `E_xy` [m],
-        `failed`, and what was drawn.
+    part: (a, b) cells of the map that were chosen, and in which flights confirm.
+    flights: a line for every flight: `stage`, `shares`, `refused`, `lost`, `grounded`, `peak` and
+        `E_xy` [m], `failed`, and what was drawn.
+    asked: number of flights that were asked for.
     """
 
     config: FlightConfig
@@ -77,6 +96,7 @@ class Certificate:
     confidence: float
     limit: float
     within: float
+    asked: int
 
     @property
     def confirming(self) -> pd.DataFrame:
@@ -84,16 +104,43 @@ class Certificate:
         return self.flights[self.flights["stage"] == CONFIRMING]
 
     def bound(self, of: str = "failed") -> Bound:
-        """Return the bound of `failed`, of `lost` (refused flights among them), or of `outside`,
-        flights that left the corridor without a loss.
+        """Return the bound of `failed`, of `lost` (refused flights among them), of `outside`,
+        flights that left the corridor without a loss, or of `grounded`, whose payload was below the
+        ground.
         """
         rows = self.confirming
         return Bound(int(rows[of].sum()), len(rows), self.confidence)
 
     @property
-    def holds(self) -> bool:
-        """Whether the bound of failures is below the limit."""
-        return self.bound().upper <= self.limit
+    def lacking(self) -> int | None:
+        """How many more flights in the part, none of which fails, would show that it may be flown;
+        None where none would, as it fails too often, or there is no part.
+        """
+        return self.bound().lacking(self.limit) if self.part.any() else None
+
+    @property
+    def answer(self) -> str:
+        """Whether the part may be flown: `YES`, `NOT_SHOWN` with how many flights lack, or `NO`."""
+        more = self.lacking
+        if more is None:
+            return NO
+        return f"{NOT_SHOWN}: {more} more flights would" if more else YES
+
+    @property
+    def cells(self) -> np.ndarray:
+        """Whether each cell of the map (a, b) may be flown, as of `answer`."""
+        return np.where(self.part, self.answer, NO)
+
+    def flown_of_asked(self) -> str:
+        """Return how many of the flights that were asked for were flown, and why not all."""
+        refused = self.flights.loc[self.flights["refused"] != "", "refused"]
+        flown, missing = len(self.flights) - len(refused), self.asked - len(self.flights)
+        said = f"{flown} of {self.asked} flights asked were flown"
+        if len(refused):
+            said += f"; {len(refused)} cannot be flown as drawn, the first: {refused.iloc[0]}"
+        if missing:
+            said += f"; for {missing} no part was left in which they fail seldom enough"
+        return said
 
     def quantile(self, key: str, share: float) -> float:
         """Return the quantile of `peak` or `E_xy` in the part [m]; inf where lost flights reach
@@ -135,33 +182,39 @@ class Certificate:
         return ways.get(name) or "a measurement of it"
 
     def allowed(self) -> list[tuple[str, str]]:
-        """Return, for every cell of the first range, what the second may be."""
+        """Return, for every cell of the first range, whether it may be flown, or what the second
+        may be.
+        """
         if not self.over:
             return []
         first, second = self.over[0], self.over[1] if len(self.over) > 1 else None
         (a, b), found = self.part.shape, []
-        for i, row in enumerate(self.part):
-            cells, said = np.flatnonzero(row), "yes" if row.any() else "no"
+        for i, row in enumerate(self.cells):
+            cells = np.flatnonzero(row != NO)
+            said = self.answer if len(cells) else NO
             if len(cells) and second is not None:
-                said = f"{second.at(cells[0] / b):.3g} to {second.at((cells[-1] + 1) / b):.3g}"
+                ends = f"{second.at(cells[0] / b):.3g} to {second.at((cells[-1] + 1) / b):.3g}"
+                said = ends if said == YES else f"{ends} {said}"
             found.append((f"{first.at(i / a):.3g} to {first.at((i + 1) / a):.3g}", said))
         return found
 
     def figure(self) -> Figure:
-        """Return the map: flights, where they failed, and the part that may be flown."""
+        """Return the map: flights, where they failed, and the cells that may be flown."""
         require(len(self.over) > 1, "certify: a map needs two ranges; name another --over.")
         x, y = self.over[1], self.over[0]
         figure, axes = new_figure(1, 1, width=6.5, height=5.0)
         ax, (a, b) = axes[0, 0], self.part.shape
         edges = [one.at(np.arange(n + 1) / n) for one, n in ((x, b), (y, a))]
-        blue = np.where(self.part[..., None], [0.72, 0.86, 0.95], 1.0)
-        ax.pcolormesh(*edges, blue)
+        colour = [0.72, 0.86, 0.95] if self.answer == YES else [0.9] * 3
+        ax.pcolormesh(*edges, np.where((self.cells != NO)[..., None], colour, 1.0))
         shares = np.array(self.flights["shares"].tolist())
-        gone = (self.flights["lost"] | (self.flights["refused"] != "")).to_numpy()
-        outside = self.flights["outside"].to_numpy()
+        failed, outside, grounded, gone = (
+            self.flights[of].to_numpy(bool) for of in ("failed", "outside", "grounded", "lost")
+        )
         for which, style, said in (
-            (~gone & ~outside, {"marker": ".", "color": "0.35", "s": 8}, "flown"),
+            (~failed, {"marker": ".", "color": "0.35", "s": 8}, "flown"),
             (outside, {"marker": "^", "color": PALETTE[4], "s": 22}, f"beyond {self.within:g} m"),
+            (grounded, {"marker": "v", "color": PALETTE[2], "s": 22}, "payload below ground"),
             (gone, {"marker": "x", "color": PALETTE[1], "s": 22}, "lost, or not flyable"),
         ):
             if which.any():
@@ -169,11 +222,9 @@ class Certificate:
         labels = (f"{one.name} [{UNITS.get(one.name, 'SI')}]" for one in (x, y))
         ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
         ax.set(xlim=(x.low, x.high), ylim=(y.low, y.high))
-        bound = self.bound()
         ax.set_title(
-            f"{self.config.name} with {self.config.controller.name}: blue is the part in which "
-            f"{bound.failures}\nof {bound.flights} flights failed, at most "
-            f"{100 * bound.upper:.2g} % ({100 * self.confidence:g} % sure)",
+            f"{self.config.name} with {self.config.controller.name}. The part may be flown: "
+            f"{self.answer}.\nIt fails in {self.bound()} ({100 * self.confidence:g} % sure)",
             fontsize=9,
         )
         figure.legend(loc="outside lower center", ncols=3)
@@ -184,11 +235,11 @@ class Certificate:
         make_folder(folder)
         failed = self.flights[self.flights["failed"] & (self.flights["refused"] == "")]
         written = []
-        for number, row in failed.sort_values("stage").head(MOST_KEPT).iterrows():
-            flight, _ = drawn_flight(self.config, self.over, row["shares"], seed=(seed, number))
-            content = scenario_content(dc.replace(flight, name=f"{flight.name}_{number}"))
+        for k, row in failed.sort_values("stage").head(MOST_KEPT).iterrows():
+            flight, _ = drawn_flight(self.config, self.over, row["shares"], seed=(seed, k))
+            content = scenario_content(dc.replace(flight, name=f"{flight.name}_{k}"))
             path = folder / f"{content['name']}.yaml"
-            head = f"# Flight {number} of a certificate: np-drake fly {path.name} --seed {number}\n"
+            head = f"# Flight {k} of a certificate: np-drake fly {path.name} --seed {k}\n"
             write_text(path, head + yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
             written.append(path)
         return written
@@ -199,28 +250,30 @@ def scenario_content(config: FlightConfig) -> dict[str, Any]:
     return stated(plain(settings_of(dc.replace(config, scaled=False))))
 
 
-KEYS = ("stage", "shares", "refused", "lost", "outside", "failed", "peak", "E_xy")
+KEYS = ("stage", "shares", "refused", "lost", "grounded", "outside", "failed", "peak", "E_xy")
 UNITS = {"payload": "kg", "tether": "m", "speed": "m/s", "wind": "m/s"}
 
 
 def flown(case: Case, *, config: FlightConfig, over: Sequence[Range], seed: int) -> dict:
-    """Return what became of a drawn flight: why it was refused, whether it was lost, largest
-    deviation and E_xy [m], None of one that was not flown to its end, and what was drawn.
+    """Return what became of a drawn flight: why it was refused, whether it was lost or its payload
+    below the ground, largest deviation and E_xy [m], None of one that was not flown to its end, and
+    what was drawn.
     """
+    lost = {"refused": "", "lost": True, "grounded": False, "peak": None, "E_xy": None}
     try:
         flight, drawn = drawn_flight(config, over, case["shares"], seed=(seed, case["flight"]))
     except ValueError as error:
         asked = {one.name: float(one.at(k)) for one, k in zip(over, case["shares"], strict=True)}
-        return {"refused": str(error), "lost": True, "peak": None, "E_xy": None, "drawn": asked}
+        return lost | {"refused": str(error), "drawn": asked}
     try:
         result = fly(flight, seed=case["flight"])
     except LostVehicle:
-        return {"refused": "", "lost": True, "peak": None, "E_xy": None, "drawn": drawn}
+        return lost | {"drawn": drawn}
     off = np.linalg.norm(result.flown - result.signals["p_ref"], axis=1)
     rows = result.scored
     errors = metrics.tracking_errors(result.flown[rows], result.signals["p_ref"][rows])
-    told = {"peak": float(off.max()), "E_xy": errors["E_xy"]}
-    return {"refused": "", "lost": False, **told, "drawn": drawn}
+    found = {"lost": False, "grounded": result.below_ground is not None, "drawn": drawn}
+    return lost | found | {"peak": float(off.max()), "E_xy": errors["E_xy"]}
 
 
 def chosen_part(failed: np.ndarray, flown_there: np.ndarray, rate: float) -> np.ndarray:
@@ -281,7 +334,8 @@ def _fly(
     for case, found in zip(cases, every_result(records), strict=True):
         drawn, outside = found.pop("drawn"), not found["lost"] and found["peak"] > within
         line = {"stage": stage, "shares": case["shares"], **found, "outside": outside}
-        lines.append({**line, "failed": found["lost"] or outside, **drawn})
+        failed = found["lost"] or found["grounded"] or outside
+        lines.append({**line, "failed": failed, **drawn})
     return lines
 
 
@@ -308,8 +362,8 @@ def certify(
 ) -> Certificate:
     """Fly draws of a scenario and return where, and how surely, it may be flown.
 
-    A flight fails that loses the vehicle, cannot be flown as drawn, or is ever farther than
-    `within` from its reference.
+    A flight fails that loses the vehicle, cannot be flown as drawn, lowers its payload below the
+    ground, or is ever farther than `within` from its reference.
 
     Args:
         config: scenario, in whose vehicle's intervals and reality's posterior flights are drawn.
@@ -370,4 +424,5 @@ def certify(
     inside = np.argwhere(part)
     if len(inside):
         fly_in(inside[rng.integers(len(inside), size=flights - len(lines))], CONFIRMING)
-    return Certificate(config, over, part, pd.DataFrame(lines), confidence, limit, within)
+    found = pd.DataFrame(lines)
+    return Certificate(config, over, part, found, confidence, limit, within, flights)

@@ -203,4 +203,4 @@ def drawn_flight(
     for one, share in zip(over, shares, strict=True):
         found[one.name] = float(one.at(share))
         flight = with_value(flight, one.name, found[one.name], side)
-    return flight.check_and_step(), found
+    return flight.check_and_step().check_start(), found

@@ -1,17 +1,19 @@
 """`np-drake certify`: where a vehicle may be flown, from draws of what is known of it."""
 
+from math import inf
 from pathlib import Path
 from typing import Annotated
 
 from typer import Option
 
-from diagrams.certify.certificate import Certificate
+from diagrams.certify.certificate import YES, Certificate
 from diagrams.certify.certificate import certify as certificate_of
 from diagrams.certify.draws import Range
 from diagrams.cli.fly import Experiment, Fields, Predictor, scenarios
 from diagrams.cli.verb import OUT_OF_CASES, Report, Run, Table, VehicleFile, reports, say
 from diagrams.loop.experiments import settings_of
 from diagrams.studies.options import Reality, tabulate
+from np_drake.files.number_text import measure, percent
 
 
 @reports("certify", seed=0, out=OUT_OF_CASES, many=True)
@@ -84,27 +86,34 @@ def certify(
             **{"limit": limit, "confidence": confidence, "within": within, "cells": cells},
         },
         metrics={
-            "holds": found.holds,
+            "holds": found.answer == YES,
+            "cells": found.cells.tolist(),
+            "lacking": found.lacking,
+            "asked": found.asked,
+            "flown": int((found.flights["refused"] == "").sum()),
             "bounds": {
                 of: {"failures": b.failures, "flights": b.flights, "upper": b.upper}
                 for of in BOUNDED
                 for b in [found.bound(of)]
             },
-            "part": found.part.tolist(),
             "drivers": found.drivers(),
             "flights": found.flights.to_dict("records"),
         },
-        notes=[
-            f"{len(reasons)} flights cannot be flown as drawn, the first: {reasons.iloc[0]}"
-            for reasons in [found.flights["refused"][found.flights["refused"] != ""]]
-            if len(reasons)
-        ],
+        summary=[found.flown_of_asked()],
         figures={"map.png": found.figure} if len(ranges) > 1 else {},
         write=write,
     )
 
 
-BOUNDED = {"failed": "fails", "lost": "is lost", "outside": "leaves the corridor"}
+BOUNDED = {
+    "failed": "fails",
+    "lost": "is lost",
+    "outside": "leaves the corridor",
+    "grounded": "lowers its payload below the ground",
+}
+
+
+OTHERWISE = "A narrower range or a wider corridor may do."
 
 
 def sentence(found: Certificate) -> str:
@@ -113,13 +122,17 @@ def sentence(found: Certificate) -> str:
     who = f"{found.config.name} with {found.config.controller.name}"
     if not bound.flights:
         return f"{who}: nothing may be flown: flights fail in every part of the ranges."
-    sure = f"at most {100 * bound.upper:.2g} %, {100 * found.confidence:g} % sure"
-    told = f"it fails in {bound.failures} of {bound.flights}, {sure}."
-    if found.holds:
-        return f"{who} may be flown {'in the part below' if found.over else 'as drawn'}: {told}"
+    told = f"it fails in {bound}, {100 * found.confidence:g} % sure."
+    where, less = "in the part below" if found.over else "as drawn", f"{100 * found.limit:g} %"
+    more = found.lacking
+    if more is None:
+        return f"{who} fails {where} more often than {less}: {told} {OTHERWISE}"
+    if not more:
+        return f"{who} may be flown {where}: {told}"
+    flights = (bound.flights + more) * (2 if found.over else 1)  # half of them explore
     return (
-        f"{who} is not shown to fail in less than {100 * found.limit:g} %: {told} A narrower "
-        "range, a wider corridor or more --flights may do."
+        f"{who} is not shown to fail in less than {less} {where}: {told} {more} more flights "
+        f"without a failure would show it (--flights {flights}). {OTHERWISE}"
     )
 
 
@@ -128,18 +141,15 @@ def tables(found: Certificate) -> list[Table]:
     title, flights = sentence(found), found.flights
     if len(found.confirming):
         told = (("E_xy", 0.5), ("E_xy", 0.95), ("peak", 0.95))
-        median, most, peak = (100 * found.quantile(*of) for of in told)
+        sizes = [found.quantile(*of) for of in told]
+        median, most, peak = (measure(v, "m") if v < inf else "unbounded" for v in sizes)
         title += (
-            f" E_xy there: {median:.2g} cm, 95 % of flights below {most:.2g} cm; largest deviation "
-            f"of 95 % of flights {peak:.2g} cm."
+            f" E_xy there: {median}, of 95 % of flights at most {most}; largest deviation of 95 % "
+            f"of flights: {peak}."
         )
         flights = found.confirming
     bounds = [
-        (
-            said,
-            f"{int(flights[of].sum())} of {len(flights)}",
-            f"{100 * found.bound(of).upper:.2g} %",
-        )
+        (said, f"{int(flights[of].sum())} of {len(flights)}", found.bound(of).at_most)
         for of, said in BOUNDED.items()
     ]
     result: list[Table] = [(title, ["the vehicle", "flights", "at most"], bounds)]
@@ -151,13 +161,12 @@ def tables(found: Certificate) -> list[Table]:
     columns = (
         ("quantity", "name"),
         ("rank correlation", lambda line: f"{line['rho']:+.2f}"),
-        ("failed, low / middle / high third", lambda line: _thirds(line["thirds"])),
+        (
+            "failed, low / middle / high third",
+            lambda line: " / ".join(map(percent, line["thirds"])),
+        ),
         ("told by", "told_by"),
     )
     if drivers:
         result.append(tabulate("what the largest deviation goes with", drivers, columns))
     return result
-
-
-def _thirds(shares: list[float]) -> str:
-    return " / ".join(f"{100 * share:.2g} %" for share in shares)

@@ -376,7 +376,6 @@ def flights_table(flights: Sequence[FlightResult]) -> Table:
     for flight in flights:
         found = flight.metrics()
         errors = {kind: found[kind] for kind in ("E_xy", "E_z")}
-        errors |= {f"payload {k}": found["payload"][k] for k in errors if "payload" in found}
         lines.append(
             {
                 "experiment": flight.config.name,

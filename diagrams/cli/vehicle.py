@@ -27,6 +27,7 @@ from diagrams.cli.verb import (
     say,
 )
 from np_drake.files.file_access import is_regular, lock_outputs, write_text
+from np_drake.files.number_text import percent
 from np_drake.files.yaml_file import read_yaml
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.estimate import HEAD, Measured, estimate
@@ -170,7 +171,7 @@ def _scale_rows(known: Vehicle) -> list[tuple]:
     unit, number, circle = scales(known), numbers(known), load_experiment("circle", known)
     payload, reference = circle.reality.payload, circle.reference
     stated = [
-        "not stated: the diagnosis' own" if value is None else f"{100 * value:.3g} % of the value"
+        "not stated: the diagnosis' own" if value is None else f"{percent(value)} of the value"
         for value in (known.mass_uncertainty, known.thrust_uncertainty)
     ]
     return [

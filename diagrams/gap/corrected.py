@@ -46,7 +46,7 @@ def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
         disturbance=remaining_disturbance(diagnosis.localisation),
         posterior=diagnosis.posterior or Posterior(),
     )
-    return dc.replace(config, name="corrected", reality=reality).check_and_step()
+    return dc.replace(config.in_reality(reality), name="corrected").check_and_step()
 
 
 def _entry(cause: Cause) -> EffectEntry | None:

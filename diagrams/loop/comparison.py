@@ -90,6 +90,5 @@ def conditions(flight: FlightResult) -> str:
 def _row(flight: FlightResult) -> tuple[str, ...]:
     """Return label, E_xy, E_z [cm], median solve time [ms] and failures of a flight."""
     m = flight.metrics()
-    m |= m.get("payload", {})  # which the scenario follows
     errors = (fixed(100 * m[name], 2) for name in ("E_xy", "E_z"))
     return flight.label, *errors, fixed(m["solve_ms"]["median"], 2), str(m["solve_failures"])

@@ -3,14 +3,13 @@ most: payload, cable, speed and wind.
 """
 
 import dataclasses as dc
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from diagrams.batch.run import require
-from diagrams.loop.flight import LOOKS, FlightConfig, load_flight
+from diagrams.loop.flight import FlightConfig, load_flight
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.yaml_file import filled, read_yaml
 from np_drake.vehicle import Vehicle
@@ -67,7 +66,7 @@ def load_experiment(
             it.
         reality: experiment or scenario file whose vehicle flies, in its reality and by its
             simulator, in place of the scenario's, and with its controller where the scenario names
-            none.
+            none; where its payload hangs lower, an experiment flies higher.
         checked: as of `load_flight`.
     Raises: ValueError: where there is none.
     """
@@ -76,6 +75,8 @@ def load_experiment(
         config = load_experiment(name, other.vehicle, checked=checked)
         if "controller" not in read_yaml(scenario_file(name)):
             config = dc.replace(config, controller=other.controller)
+        if name in EXPERIMENTS:  # a file of one's own flies where it says
+            config = config.in_reality(other.reality)
         config = dc.replace(config, reality=other.reality, simulator=other.simulator)
         return config.check_and_step() if checked else config
     require(
@@ -100,7 +101,9 @@ def training_flight(scenario: Path) -> FlightConfig:
     if "reference" not in named:
         circle = load_experiment("training_circle", config.vehicle)
         config = dc.replace(
-            config, reference=circle.reference, duration=named.get("duration", circle.duration)
+            config,
+            reference=circle.in_reality(config.reality).reference,
+            duration=named.get("duration", circle.duration),
         )
     if "solver" not in (named.get("controller") or {}):
         config.controller.solver = SOLVER
@@ -111,7 +114,7 @@ def with_payload(config: FlightConfig, mass: float) -> FlightConfig:
     """Return the scenario with a payload of another mass, 0: none [kg]; its cable stretches by the
     same share of its length.
 
-    Raises: ValueError: on an impossible mass, or where the vehicle flies too low for a cable.
+    Raises: ValueError: on an impossible mass.
     """
     require(
         0 <= mass < np.inf, f"--payload: must not be negative [kg] and finite; got {mass or 0:g}."
@@ -122,14 +125,6 @@ def with_payload(config: FlightConfig, mass: float) -> FlightConfig:
         none = dc.replace(reality, payload=PayloadConfig(tether="none"), effects=effects)
         return dc.replace(config, reality=none)
     new = dc.replace(hung, tether="cable" if hung.tether == "none" else hung.tether, mass=mass)
-    lowest = float(config.motion.sample(np.arange(0.0, config.end, LOOKS))[0, :, 2].min())
-    room = math.floor(100 * (lowest + new.hook[2] - new.radius)) / 100
-    require(
-        new.length <= room,
-        f"--payload: its cable must be at most {room:.2f} m, or it touches the ground where the "
-        f"vehicle flies at {lowest:.2f} m; got {new.length:g}. "
-        "Raise reference.height in a scenario file.",
-    )
     if any(isinstance(e.made, SuspendedPayload) for e in reality.effects):
         effects = [
             dc.replace(e, parameters={**e.parameters, "mass": mass})

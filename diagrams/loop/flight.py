@@ -34,7 +34,6 @@ MOST_ROWS = 10**6  # of a record, at one a period, which takes 700 MB; own choic
 FINEST_STEP = 1e-6  # of the simulator [s]; own choice
 SLOW = 0.1  # of the step that was set: a warning; own choice [1]
 RATE = 100.0  # at which a motion is looked at [Hz]
-LOOKS = 1 / RATE  # between two looks at a motion [s]
 MOST_INSTANTS = 200_000  # of a motion that are looked at
 LIFTED = 0.9  # of the rotors' thrust that may hang on them; own choice: the rest steers [1]
 WIDER = "Take a lower speed, a larger track or a longer ramp."  # where it has a name
@@ -132,6 +131,22 @@ class FlightConfig:
         self._check_track()
         return self
 
+    def check_start(self) -> "FlightConfig":
+        """Return self after checking that the payload is hung above the ground, which the simulator
+        does not have.
+
+        Raises: ValueError: where it is not.
+        """
+        hung, t = self.reality.hung, self.reality.hangs_at
+        height = float(self.motion.sample(np.array([t]))[0, 0, 2])
+        require(
+            hung.tether == "none" or hung.reach <= height,
+            f"{self.name}: the payload must hang above the ground at {t:g} s; its lowest point is "
+            f"{hung.reach - height:.2f} m below it, on {hung.length:.3g} m from {height:.3g} m. "
+            "Raise reference.height, or shorten the tether (reality.payload.length).",
+        )
+        return self
+
     def _check_controller(self) -> None:
         """Check that the controller commands what flies, and that an oracle can know it."""
         command, kind = self.controller.mpc.command, self.controller.kind
@@ -162,6 +177,13 @@ class FlightConfig:
             f"FlightConfig: the oracle knows delays up to {longest:g} s; got "
             f"{self.reality.dead_time:g}.",
         )
+
+    def in_reality(self, reality: RealityConfig) -> "FlightConfig":
+        """Return the flight in another reality, as much higher as its payload hangs lower there."""
+        lower = reality.hung.reach - self.reality.hung.reach
+        more = max(lower, 0.0) if reality.hung.tether != "none" else 0.0
+        reference = dc.replace(self.reference, height=self.reference.height + more)
+        return dc.replace(self, reality=reality, reference=reference)
 
     def with_autopilot(self, kind: str) -> "FlightConfig":
         """Return the flight with an autopilot, whose controller commands body rates.
@@ -387,6 +409,8 @@ def _read(content: Any, vehicle: Vehicle | None, folder: Path) -> FlightConfig:
     default = default_flight(own)
     flight = filled(dc.replace(default, duration=np.nan), content)
     flight.vehicle = own
+    if "height" not in (content.get("reference") or {}):
+        flight.reference.height = default.in_reality(flight.reality.check()).reference.height
     if flight.reference.is_file:
         flight.reference.track = str(folder / flight.reference.track)
         flight.reference.check()

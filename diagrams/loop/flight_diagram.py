@@ -37,7 +37,7 @@ def make_flight_diagram(config: FlightConfig, *, controller: Factory | None = No
         config: of the experiment.
         controller: makes a controller of one's own, in the place of the one that `config` names.
     """
-    config = flown_by(config, controller).check()
+    config = flown_by(config, controller).check().check_start()
     period = config.controller.period
     builder = DiagramBuilder()
     behind, reality = _as_flown(config.autopilot, config.vehicle, config.reality)

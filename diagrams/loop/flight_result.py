@@ -14,8 +14,9 @@ from diagrams.loop.flight import ARENA, FlightConfig, flown_by
 from diagrams.loop.flight_diagram import firmware_of, make_flight_diagram, make_simulator, recorded
 from diagrams.loop.own_controller import Factory, is_own
 from diagrams.loop.reality import REAL_VEHICLE
-from np_drake import metrics, rigid_body
+from np_drake import attitude, metrics, rigid_body
 from np_drake.files.notebook import data_frame, html_table
+from np_drake.files.number_text import measure
 from np_drake.flight_log import COLUMNS, FlightLog
 from np_drake.logs.clock import shift_state
 from np_drake.mpc.problem import MpcStatus
@@ -24,7 +25,8 @@ from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 
 WRENCH = ("fx", "fy", "fz", "taux", "tauy", "tauz")  # columns of a wrench [N, N·m]
-# Height below which a vehicle counts as lost: the simulator has no ground, flights do [m].
+# Height below which a vehicle counts as lost, and a payload is warned of: the simulator has no
+# ground, flights do [m].
 GROUND = 0.0
 MOST_TOLD = 5  # waypoints in a sentence
 
@@ -219,9 +221,28 @@ class FlightResult:
 
     @cached_property
     def payload_position(self) -> np.ndarray | None:
-        """Position of a payload on a cable, in W, (n, 3) [m]; None without one."""
-        s = self.signals["plant_state"]
-        return s[:, 11:14] if s.shape[1] == 26 else None
+        """Position of the payload in W, (n, 3) [m]; None without one."""
+        s, hung = self.signals["plant_state"], self.config.reality.hung
+        if s.shape[1] == 26:  # on a cable: a free body
+            return s[:, 11:14]
+        if s.shape[1] != 17:
+            return None
+        (sin_x, sin_y), (cos_x, cos_y) = np.sin(s[:, 7:9].T), np.cos(s[:, 7:9].T)
+        down = np.stack([-sin_y, sin_x * cos_y, -cos_x * cos_y], axis=1)  # along the rod, in B
+        return s[:, 4:7] + attitude.rotate(s[:, :4], hung.hook + hung.length * down)
+
+    @cached_property
+    def below_ground(self) -> dict[str, float] | None:
+        """The `time` from which the hanging payload is below the ground [s], and its largest
+        `depth` [m]; None where it never is.
+        """
+        if self.payload_position is None:
+            return None
+        t, reality = self.signals["t"], self.config.reality
+        cut = min((e.time for e in self.config.events if e.kind == "release"), default=np.inf)
+        depth = GROUND + reality.hung.radius - self.payload_position[:, 2]
+        rows = np.flatnonzero((depth > 0) & (t > reality.hangs_at) & (t < cut))
+        return {"time": t[rows[0]], "depth": depth[rows].max()} if len(rows) else None
 
     @property
     def flown(self) -> np.ndarray:
@@ -237,20 +258,24 @@ class FlightResult:
         return None if points is None else nearest(points, self.flown)
 
     def warnings(self) -> list[str]:
-        """Return a sentence on the waypoints that the flight did not pass; none where it passed
-        all.
+        """Return a sentence on the waypoints that the flight did not pass, and one on a payload
+        below the ground; none where all is well.
         """
-        distances, within = self.waypoint_distances, self.config.reference.within
+        said, distances, within = [], self.waypoint_distances, self.config.reference.within
+        if below := self.below_ground:
+            said.append(
+                f"the payload of the flight with {self.label} is below the ground from "
+                f"{below['time']:.2f} s on, by {measure(below['depth'], 'm')} at most; the "
+                "simulator has no ground. Fly higher, or shorten the tether."
+            )
         rows = np.flatnonzero([] if distances is None else distances > within)
         if distances is None or not len(rows):
-            return []
+            return said
         told = ", ".join(f"{k + 1} ({distances[k]:.2f} m)" for k in rows[:MOST_TOLD])
         more = f" and {len(rows) - MOST_TOLD} more" if len(rows) > MOST_TOLD else ""
         many = "waypoint" if len(rows) == 1 else "waypoints"
-        return [
-            f"the flight with {self.label} does not come within {within:g} m of {many} "
-            f"{told}{more}."
-        ]
+        missed = f"the flight with {self.label} does not come within {within:g} m of {many} "
+        return [*said, f"{missed}{told}{more}."]
 
     def metrics(self) -> dict:
         """Return the metrics of the scored part, as `--json` writes them."""
@@ -266,6 +291,8 @@ class FlightResult:
         }
         if self.waypoint_distances is not None:
             result["waypoint_distances"] = self.waypoint_distances.tolist()
+        if self.below_ground is not None:
+            result["payload_below_ground"] = self.below_ground
         if self.chi_foreseen is not None:
             result["wrench_rmse"] = metrics.wrench_rmse(
                 self.chi_foreseen[rows], self.chi_true[rows]

@@ -226,9 +226,10 @@ class Remainder:
     share: of the gap [1], the median of its posterior, and its 95 % interval; NaN where the gap is
     immaterial.
     force [N], torque [N·m]: RMS.
-    position: error that they cause in a simulator after 1 s, RMS [m]. position_before: the same of
-    the gap [m].
+    position: error that they cause in a simulator after 1 s, RMS, NaN where noise hides it [m].
+    position_before: the same of the gap [m].
     probability: that it is material [1].
+    noise: position error that noise alone does not exceed in 95 % of the starts [m].
     """
 
     share: float = float("nan")
@@ -238,6 +239,7 @@ class Remainder:
     position: float = 0.0
     position_before: float = 0.0
     probability: float = 0.0
+    noise: float = 0.0
 
     @property
     def matters(self) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
+from np_drake.files.number_text import percent
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import GRAVITY
 from np_drake.logs.errors import LogError
@@ -270,9 +271,7 @@ def _coefficient_note(vehicle: Vehicle, coefficient: float) -> str:
     uncertainty.
     """
     spread = vehicle.thrust_uncertainty or 0.0
-    given = (
-        f"{vehicle.thrust_coefficient:.4g} ± {100 * spread:.2g} % N/(rad/s)², a guess in the file"
-    )
+    given = f"{vehicle.thrust_coefficient:.4g} ± {percent(spread)} N/(rad/s)², a guess in the file"
     times = coefficient / vehicle.thrust_coefficient
     if abs(np.log(times)) > MOST_DEVIATIONS * spread:
         return (

@@ -427,12 +427,13 @@ FEWEST = 8  # least number of blocks; they are shorter in short flights; own cho
 DRAWS = 400  # of the posterior
 SEED = 1  # of its draws, and of the noise
 NOISES = 4  # draws of the noise of each flight
-# A remainder is material that exceeds the stated size, and in any case between these shares of the
-# gap: less than the first is nothing beside what is explained, more than the second is no
-# explanation [1]. Source: own choice.
+# A remainder is material that exceeds a stated size and the first share of the gap, below which it
+# is nothing beside what is explained; and that exceeds the second, which is no explanation [1].
+# Source: own choice.
 NOTHING, TOO_MUCH = 0.02, 0.2
 NEVER_LESS = 1e-6  # share that is left: that nothing is, no flight shows [1]
 SURE_GAP = 0.025  # quantile of the gap that is above the noise where there is one [1]
+ALONE = 0.95  # quantile of the position error that noise alone causes [1]; own choice
 
 
 def measure_remainder(
@@ -443,6 +444,9 @@ def measure_remainder(
     options: Options,
 ) -> Remainder:
     """Return what causes and calibration leave of the gap on held-out flights.
+
+    Share, sizes and probability are of the same draws. The position error is not told where noise
+    alone turns the thrust by a radian, beyond the first order.
 
     indications: of structure that no effect explains, whose power the noise model holds.
     """
@@ -460,91 +464,93 @@ def measure_remainder(
     # What the noise holds is no larger than the noise, however large a part is that others cancel.
     whole = np.reshape([i.power for i in indications], (-1, 6))
     powers = np.minimum(whole, power)
-    materiality, weight, drift = options.materiality, flights[0].weight, np.zeros(6)
-    drift[:2] = (options.tolerance.attitude * weight) ** 2
-    floor = (power + drift) @ scale
+    materiality, vehicle, drift = options.materiality, flights[0].vehicle, np.zeros(6)
+    drift[:2] = (options.tolerance.attitude * flights[0].weight) ** 2
+    squares = [
+        np.stack([y[name][own, WRENCH] ** 2 for y in (before, after)], axis=1)
+        for name, own in held.rows.items()
+    ]
+    drawn = _drawn_means(squares, round(BLOCK / flights[0].grid.step), rng)
+
+    excess = drawn - power - drift
+
+    # Draws before and after, of sizes with that of the mean behind them: power over noise [1],
+    # force [N], torque [N·m].
     structure = np.minimum(there @ (powers @ scale), power @ scale)
-    gap, left = (
-        np.maximum(draws - floor, 0.0) + structure
-        for draws in _draws(before, after, held.rows, scale, flights[0].grid.step, rng)
-    )
+    gap, left = (np.maximum(excess @ scale, 0.0) + structure[:, None]).T
+    beyond = np.maximum(_with_mean(excess), 0.0) + _with_mean(there @ powers)[:, None]
+    force, torque = (np.sqrt(beyond[..., part].sum(axis=-1)) for part in (FORCE, TORQUE))
+
+    # Position error [m], beyond that of noise, of slow errors of the attitude, and with structure.
+    starts, by_noise = _position_errors(held, (before, after), noise)
+    tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / vehicle.mass) ** 2
     held_share = powers @ scale / np.maximum(whole @ scale, 1e-300)
-    hidden = likely @ powers, float((likely * held_share) @ [i.position for i in indications])
-    was, now = (_sizes(flights, y, held.rows, noise, drift, hidden) for y in (before, after))
-    # Sizes over the stated ones [1].
-    large_before, large = (
-        max(force / (materiality.remaining_force * weight), position / materiality.position)
-        for force, _, position in (was, now)
+    hidden = there @ (held_share * [i.position for i in indications])
+    hidden = _with_mean(np.minimum(hidden, np.mean(by_noise)))[:, None]
+    moved = _with_mean(_drawn_means(starts, round(BLOCK / STARTS), rng))
+    position = np.sqrt(np.maximum(moved - tilted, 0.0) + hidden)
+    alone = float(np.sqrt(np.quantile(by_noise, ALONE)))
+    tells = alone < vehicle.gravity * HORIZON**2 / 12  # of a constant torque, a radian [m]
+
+    least = materiality.remaining_force * flights[0].weight
+    found = Remainder(
+        force=float(force[-1, 1]),
+        torque=float(torque[-1, 1]),
+        position=float(position[-1, 1]) if tells else np.nan,
+        position_before=float(position[-1, 0]),
+        noise=alone,
     )
-    found = Remainder(force=now[0], torque=now[1], position=now[2], position_before=was[2])
-    if not (np.quantile(gap, SURE_GAP) > 0 and large_before >= 1):
+    large_before = force[-1, 0] >= least or found.position_before >= materiality.position
+    if not (np.quantile(gap, SURE_GAP) > 0 and large_before):
         return found
     shares = np.maximum(left / np.maximum(gap, 1e-12), NEVER_LESS)
-    share, ci95, probability = share_and_probability(shares, large)
-    return dc.replace(found, share=share, ci95=ci95, probability=probability)
-
-
-def share_and_probability(
-    shares: np.ndarray, size: float
-) -> tuple[float, tuple[float, float], float]:
-    """Return the median share of a remainder, its 95 % interval, and the probability that it is
-    material [1], from draws (n,) of its share and its size over the stated one [1].
-    """
-    share = float(np.median(shares))
+    large = (force[:-1, 1] > least) | (position[:-1, 1] > materiality.position)
+    material = (shares > TOO_MUCH) | (large & (shares > NOTHING))
     low, high = np.quantile(shares, [0.025, 0.975])
-    least = float(np.clip(max(share, 0.0) / max(size, 1e-9) ** 2, NOTHING, TOO_MUCH))
-    return share, (float(low), float(high)), float(np.mean(shares > least))
+    return dc.replace(
+        found,
+        share=float(np.median(shares)),
+        ci95=(float(low), float(high)),
+        probability=float(np.mean(material)),
+    )
 
 
-def _draws(
-    before: Mapping[str, np.ndarray],
-    after: Mapping[str, np.ndarray],
-    rows: Mapping[str, np.ndarray],
-    scale: np.ndarray,
-    step: float,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return draws (`DRAWS`,) of the power of the wrench, weighed by `scale` (6,), before and
-    after: of blocks.
+def _with_mean(draws: np.ndarray) -> np.ndarray:
+    """Return draws (n, …) with their mean behind them (n + 1, …)."""
+    return np.concatenate([draws, draws.mean(axis=0, keepdims=True)])
+
+
+def _drawn_means(parts: Sequence[np.ndarray], size: int, rng: np.random.Generator) -> np.ndarray:
+    """Return draws (`DRAWS`, …) of the mean of the rows (m, …) of all flights, by blocks of `size`
+    rows.
     """
-    size = max(1, min(round(BLOCK / step), sum(int(own.sum()) for own in rows.values()) // FEWEST))
-    blocks = []
-    for name, own in rows.items():
-        power = np.stack([y[name][own, WRENCH] ** 2 @ scale for y in (before, after)], axis=1)
-        split = np.array_split(power, max(1, round(len(power) / size)))
-        blocks += [(*some.sum(axis=0), len(some)) for some in split]
-    drawn = np.array(blocks)[rng.integers(0, len(blocks), (DRAWS, len(blocks)))].sum(axis=1)
-    return drawn[:, 0] / drawn[:, 2], drawn[:, 1] / drawn[:, 2]
+    size = max(1, min(size, sum(map(len, parts)) // FEWEST))
+    split = (np.array_split(part, max(1, round(len(part) / size))) for part in parts)
+    blocks = [block for part in split for block in part if len(block)]
+    sums, counts = np.array([b.sum(axis=0) for b in blocks]), np.array([len(b) for b in blocks])
+    drawn = rng.integers(0, len(blocks), (DRAWS, len(blocks)))
+    return (sums[drawn].sum(axis=1).T / counts[drawn].sum(axis=1)).T
 
 
-def _sizes(
-    flights: Sequence[FlightResiduals],
-    wrench: Mapping[str, np.ndarray],
-    rows: Mapping[str, np.ndarray],
-    noise: NoiseModel,
-    drift: np.ndarray,
-    hidden: tuple[np.ndarray, float],
-) -> tuple[float, float, float]:
-    """Return the RMS force [N] and torque [N·m] above the noise, and the RMS position error that
-    both cause [m].
-
-    drift: (6,) power of slow sensor errors [N², (N·m)²].
-    hidden: that of structure that the noise model holds, and its squared position error [m²].
+def _position_errors(
+    held: HeldOut, wrenches: Sequence[Mapping[str, np.ndarray]], noise: NoiseModel
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """Return by flight the squared position errors (k, 2) that wrenches cause beyond those of
+    noise, and those of noise alone (n,) [m²]; none and infinite where no start is left.
     """
-    every = np.concatenate([wrench[e.name][rows[e.name], WRENCH] for e in flights])
-    power = np.maximum(np.mean(every**2, axis=0) - noise.rms[WRENCH] ** 2 - drift, 0.0) + hidden[0]
-    rng, moved = np.random.default_rng(SEED), []
-    for e in flights:
-        whole = rows[e.name] | e.outliers  # which are interpolated
+    rng, moved, by_noise = np.random.default_rng(SEED), [], []
+    for e in held.flights:
+        rows = held.rows[e.name] | e.outliers  # which are interpolated
         drawn = [_noise_of(noise, len(e.t), rng) for _ in range(NOISES)]
-        chance = [squared_position_errors(e, one, whole) for one in drawn]
-        seen = squared_position_errors(e, e.bridged(wrench[e.name])[:, WRENCH], whole)
-        moved += (seen - np.mean(chance, axis=0)).tolist()
-    tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / flights[0].vehicle.mass) ** 2
-    further = max(float(np.mean(moved)) - tilted, 0.0) if moved else 0.0
-    squares = power[FORCE].sum(), power[TORQUE].sum(), further + hidden[1]
-    force, torque, position = np.sqrt(squares).tolist()
-    return force, torque, position
+        chance = np.array([squared_position_errors(e, one, rows) for one in drawn])
+        bridged = (e.bridged(y[e.name])[:, WRENCH] for y in wrenches)
+        seen = np.array([squared_position_errors(e, y, rows) for y in bridged])
+        moved.append((seen - chance.mean(axis=0)).T)
+        by_noise.append(chance.ravel())
+    found = np.concatenate(by_noise)
+    if not len(found):
+        return [np.zeros((1, len(wrenches)))], np.array([np.inf])
+    return moved, found
 
 
 def _noise_of(noise: NoiseModel, rows: int, rng: np.random.Generator) -> np.ndarray:

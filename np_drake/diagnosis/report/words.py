@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.decision import unexplained
 from np_drake.diagnosis.gap import CANNOT_TELL, manoeuvre
 from np_drake.diagnosis.result import (
     UNKNOWN,
@@ -189,12 +190,16 @@ def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 def sizes_left(left: Remainder) -> str:
     """Return the remainder's force, torque and position error, as in '1.5 mN, 20 µN·m and 3 cm
-    after 1 s'.
+    after 1 s', and how far noise alone leads where that is farther.
     """
     sizes = [
         measure(size, unit) for size, unit in ((left.force, "N"), (left.torque, "N·m")) if size > 0
     ]
-    return listed([*sizes, f"{measure(left.position, 'm')} after 1{NBSP}s"])
+    after = f"after 1{NBSP}s"
+    sizes += [f"{measure(left.position, 'm')} {after}"] * math.isfinite(left.position)
+    hides = 0 < left.noise < math.inf and not left.position > left.noise
+    alone = f", beside up to {measure(left.noise, 'm')} {after} by noise alone" * hides
+    return f"{listed(sizes) or 'nothing'}{alone}"
 
 
 def remains(diagnosis: Diagnosis) -> str:
@@ -205,7 +210,9 @@ def remains(diagnosis: Diagnosis) -> str:
             f"The held-out gap is immaterial: {measure(left.position_before, 'm')} after "
             f"1{NBSP}s, beyond the noise."
         )
-    said = f"{percent(left.share)} of the held-out gap is left beyond the noise"
+    least = unexplained.NOTHING
+    below = f" (immaterial below {percent(least)})" * (left.share < least)
+    said = f"{percent(left.share)} of the held-out gap is left beyond the noise{below}"
     return (
         f"{said}: {sizes_left(left)}. Probability that this is material: "
         f"{probability(left.probability)}."

@@ -21,6 +21,7 @@ from diagrams.loop.flight_result import fly
 from np_drake.effects import LinearDrag, MassError
 from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.vehicle import Vehicle
+from systems.payload_config import push
 
 OVER = (Range("payload", 0.1, 0.5), Range("speed", 0.5, 1.5))
 maps = arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6)))
@@ -41,7 +42,8 @@ def made_of(probability, seed, **how):
         lost = bool(rng.random() < probability(np.array(case["shares"])))
         told = {"payload": case["shares"][0], "speed": case["shares"][1]}
         peak = None if lost else case["shares"][0] + 0.2 * case["shares"][1]
-        return {"refused": "", "lost": lost, "peak": peak, "E_xy": peak, "drawn": told}
+        refused, answer = "", {"lost": lost, "grounded": False, "peak": peak, "E_xy": peak}
+        return {"refused": refused, **answer, "drawn": told}
 
     run = Run(seed=seed, workers=Here())
     with pytest.MonkeyPatch.context() as patch:
@@ -59,6 +61,35 @@ def test_the_bound_grows_with_failures_up_to_1():
     assert np.all(np.diff(upper) > 0)
     assert upper[-1] == 1.0
     assert Bound(0, 0, 0.95).upper == 1.0
+
+
+@pytest.mark.parametrize(
+    "failures, flights, limit", [(0, 11, 0.01), (1, 60, 0.05), (2, 90, 0.02), (0, 0, 0.5)]
+)
+def test_as_many_flights_lack_as_bring_the_bound_to_the_limit(failures, flights, limit):
+    lacking = Bound(failures, flights, 0.95).lacking(limit)
+    assert Bound(failures, flights + lacking, 0.95).upper <= limit
+    assert Bound(failures, flights + lacking - 1, 0.95).upper > limit
+
+
+def test_no_flights_bring_a_bound_to_a_limit_that_failures_refute():
+    assert Bound(0, 11, 0.95).lacking(0.01) == 288  # 0.99^299 is below 5 %, 0.99^298 is not
+    assert Bound(0, 500, 0.95).lacking(0.01) == 0
+    assert Bound(3, 11, 0.95).lacking(0.01) is None
+
+
+@pytest.mark.parametrize(
+    "failures, flights, said",
+    [
+        (0, 11, "24 %"),
+        (0, 299, "1.0 %"),
+        (0, 298, "1.1 %"),
+        (11, 11, "100 %"),
+        (0, 30000, "0.010 %"),
+    ],
+)
+def test_a_bound_is_written_as_people_write_it_and_never_rounded_down(failures, flights, said):
+    assert Bound(failures, flights, 0.95).at_most == said
 
 
 @given(maps, st.sampled_from([0.0, 0.1]))
@@ -108,6 +139,16 @@ def test_exploring_goes_on_at_the_border():
     assert found.bound().failures == 0
     assert found.bound().flights == 160
     assert sentence(found).startswith("circle with nominal is not shown")  # 160 tell 1.9 %
+    assert "139 more flights without a failure would show it (--flights 598)" in sentence(found)
+    assert set(found.cells[found.part]) == {"not shown: 139 more flights would"}
+    assert set(found.cells[~found.part]) == {"no"}
+    (_, _, rows), *_ = (table for table in tables(found) if table[0] == "what may be flown")
+    assert all(said == "0.5 to 1 not shown: 139 more flights would" for _, said in rows)
+    assert dc.replace(found, limit=0.02).allowed()[0][1] == "0.5 to 1"
+    assert set(dc.replace(found, limit=0.02).cells[found.part]) == {"yes"}
+    refuted = dc.replace(found, flights=found.flights.assign(failed=True))
+    assert set(refuted.cells.ravel()) == {"no"}
+    assert "fails in the part below more often than 1 %" in sentence(refuted)
 
 
 def test_what_the_deviation_goes_with_comes_first():
@@ -120,10 +161,12 @@ def test_what_the_deviation_goes_with_comes_first():
 
 def test_where_every_cell_fails_nothing_may_be_flown():
     found = made_of(lambda shares: 1.0, 3, flights=60, cells=2)
-    assert not found.holds
+    assert found.answer == "no"
     assert found.bound() == Bound(0, 0, 0.95)
     assert "nothing may be flown" in sentence(found)
     assert [said for _, said in found.allowed()] == ["no", "no"]
+    flown = "15 of 60 flights asked were flown; for 45 no part was left in which they fail seldom"
+    assert found.flown_of_asked().startswith(flown)
     assert tables(found)
     true = pd.DataFrame({"shares": [[0.2, 0.2]], "failed": [False], "peak": [0.1], "E_xy": [0.1]})
     line = coverage.judged(found, true)
@@ -138,6 +181,23 @@ def test_where_no_draw_can_be_flown_it_says_why():
     config.reality.effects = [EffectEntry.of(LinearDrag())]
     config.reality.wind = [1.0, 0.0, 0.0]
     config.check()
+
+
+def test_a_payload_below_the_ground_fails_and_no_flight_starts_there():
+    config = load_experiment("hover")
+    config.duration, config.reference.ramp, config.reference.height = 0.4, 0.2, 0.93
+    config.events = [push(0.1, [0.0, 0.0, -0.1])]  # the hanging payload clears it by 0.075 m
+    over = [Range("tether", 0.7, 1.1)]
+    shares = [0.0, 0.35, 0.9]
+    found = [
+        certificate.flown({"flight": 0, "shares": [share]}, config=config, over=over, seed=0)
+        for share in shares
+    ]
+    assert [one["grounded"] for one in found] == [False, True, False]
+    assert (
+        "the payload must hang above the ground at 0 s; its lowest point is 0."
+        in found[2]["refused"]
+    )
 
 
 def test_failed_flights_are_scenario_files_that_fail_alike(tmp_path):
@@ -164,7 +224,10 @@ def test_the_command_answers_with_bounds_map_and_files(tmp_path, capsys):
     assert "what may be flown" in said
     values = json.loads((tmp_path / "found.json").read_text())
     assert len(values["flights"]) == 40
-    assert set(values["bounds"]) == {"failed", "lost", "outside"}
+    assert set(values["bounds"]) == {"failed", "lost", "outside", "grounded"}
+    assert values["asked"] == values["flown"] == 40
+    assert "40 of 40 flights asked were flown" in said
+    assert np.shape(values["cells"]) == (2, 2)
     assert (tmp_path / "out" / "map.png").stat().st_size > 10_000
 
 

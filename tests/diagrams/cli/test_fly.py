@@ -89,6 +89,7 @@ BAD = {  # arguments: what the line must say
     "kind": (["fly", "circle", "--set", "reference.speed=fast"], "speed must be a number"),
     "range": (["fly", "circle", "--set", "reference.speed=-1"], "speed"),
     "heavy": (["fly", "circle", "--payload", "5"], "more than the rotors can carry"),
+    "below ground": (["fly", "hover", "--set", "reference.height=0.4"], "shorten the tether"),
     "negative payload": (["fly", "circle", "--payload", "-1"], "--payload: must not be negative"),
     "twice": (["fly", "hover", "--controller", "np", "--controller", "np"], "two are called np"),
     "solver": (["fly", "circle", "--set", "controller.solver=snopt"], "ipopt"),

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from diagrams.gap.corrected import FILE, corrected_simulator, remaining_disturbance, write_corrected
-from diagrams.loop.flight import load_flight
+from diagrams.loop.experiments import load_experiment, training_flight
+from diagrams.loop.flight import default_flight, load_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis import result
 from np_drake.diagnosis import result as an
-from np_drake.effects import Downwash, LinearDrag, MassError, ThrustScale
+from np_drake.effects import Downwash, LinearDrag, MassError, SuspendedPayload, ThrustScale
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
@@ -137,6 +138,21 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
     found = remaining_disturbance(result.Localisation(channels, times=times, after={"a": after}))
     np.testing.assert_allclose([*found.force, *found.torque], size, rtol=1e-6)
     np.testing.assert_allclose([*found.force_time, *found.torque_time], time, rtol=0.25)
+
+
+@pytest.mark.parametrize("vehicle", ["paper", "crazyflie"])
+def test_a_payload_that_hangs_lower_flies_as_much_higher(vehicle, tmp_path):
+    own, low = load_vehicle(vehicle), SuspendedPayload(0.01, 2.0)
+    config, plain = written(diagnosis(cause(low)), tmp_path, own), default_flight(own)
+    more = config.reality.hung.reach - plain.reality.hung.reach
+    assert config.reference.height == pytest.approx(plain.reference.height + more)
+    other = load_experiment("hover", reality=tmp_path / FILE)
+    assert other.reference.height == load_experiment("hover", own).reference.height + more
+    for one in (config, other, training_flight(tmp_path / FILE)):
+        one.check_start()
+    (tmp_path / "low.yaml").write_text("{name: low, reference: {height: 1.0}}")
+    with pytest.raises(ValueError, match="shorten the tether"):
+        load_experiment(str(tmp_path / "low.yaml"), reality=tmp_path / FILE).check_start()
 
 
 def test_a_downwash_is_left_out_for_a_flight_to_come_has_no_neighbour(tmp_path):

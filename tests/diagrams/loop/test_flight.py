@@ -11,14 +11,15 @@ from diagrams.batch.run import FailedRun
 from diagrams.loop.experiments import EXPERIMENTS, load_experiment
 from diagrams.loop.flight import FlightConfig, load_flight
 from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator, recorded
-from diagrams.loop.flight_result import LostVehicle, fly
-from diagrams.loop.reality import RealityConfig
+from diagrams.loop.flight_result import FlightResult, LostVehicle, fly
+from diagrams.loop.reality import REAL_VEHICLE, RealityConfig
 from np_drake import rigid_body
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.files.yaml_file import fields_of
 from np_drake.labels import labels
 from np_drake.vehicle.vehicle import Calibration, MeasurementNoise
+from systems.payload_config import release
 from systems.tethered_quadrotor import PayloadConfig
 from tests.diagrams.loop.conftest import short
 
@@ -100,11 +101,11 @@ def test_without_gap_and_payload_the_nominal_mpc_tracks():
 
 def test_a_vehicle_that_is_lost_is_a_failed_run_and_no_result(monkeypatch):
     for height, arena, why in (
-        (0.01, 50.0, "flew into the ground before 1"),  # nominal MPC sags under the payload
+        (1e-3, 50.0, "flew into the ground before 1"),  # nominal MPC sags: its thrust is less
         (1.6, 1.0, "lost the vehicle before 1"),
     ):
-        config = short(duration=1.0)
-        config.reference.height = height
+        config = short("hover", duration=1.0)
+        config.reference.height, config.reality.payload.tether = height, "none"
         monkeypatch.setattr("diagrams.loop.flight_result.ARENA", arena)
         with pytest.raises(FailedRun, match=f"nominal {why}"):
             fly(config, seed=0)
@@ -112,6 +113,40 @@ def test_a_vehicle_that_is_lost_is_a_failed_run_and_no_result(monkeypatch):
     with pytest.raises(LostVehicle, match=r"nominal was off its reference at 1\.0 s") as caught:
         fly(short(duration=1.0), seed=0, tolerance=1e-6)  # [m]
     assert caught.value.signals["t"][-1] == pytest.approx(1.0, abs=0.03)  # [s]; a period
+
+
+@pytest.mark.parametrize("tether", ["cable", "rod"])
+def test_the_payload_is_where_the_plant_has_it(tether):
+    config = short(reality=RealityConfig(payload=PayloadConfig(tether=tether)))
+    diagram = make_flight_diagram(config)
+    root = make_simulator(diagram, config).get_mutable_context()
+    plant = diagram.GetSubsystemByName(REAL_VEHICLE).GetSubsystemByName("plant")
+    context = plant.GetMyMutableContextFromRoot(root)
+    q = plant.GetPositions(context) + np.random.default_rng(0).normal(size=plant.num_positions())
+    q[:4] /= np.linalg.norm(q[:4])
+    plant.SetPositions(context, q)
+    body = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName("payload"))
+    flight = FlightResult(
+        config, 0, {"plant_state": plant.GetPositionsAndVelocities(context)[None]}
+    )
+    np.testing.assert_allclose(flight.payload_position[0], body.translation(), atol=1e-12)
+
+
+def test_a_payload_below_the_ground_is_told_with_time_and_depth():
+    config = short("hover", duration=0.5)
+    config.reference.height = config.reality.payload.reach + 0.01  # less than the vehicle sags [m]
+    flight = fly(config, seed=0)
+    lowest = flight.payload_position[:, 2] - config.reality.payload.radius
+    time, depth = flight.below_ground["time"], flight.below_ground["depth"]
+    assert depth == pytest.approx(-lowest.min())
+    assert lowest[flight.signals["t"] < time].min() >= 0
+    assert f"below the ground from {time:.2f} s on" in flight.warnings()[0]
+    assert flight.metrics()["payload_below_ground"] == {"time": time, "depth": depth}
+    free = dc.replace(config, events=[release(0.02)])  # what is let go may fall
+    assert fly(free, seed=0).below_ground is None
+    config.reference.height -= 0.02
+    with pytest.raises(ValueError, match=r"is 0\.01 m below it.*shorten the tether"):
+        fly(config)
 
 
 def test_every_experiment_file_loads_and_others_are_refused():

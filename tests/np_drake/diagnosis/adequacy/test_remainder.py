@@ -6,8 +6,6 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from np_drake.diagnosis.decision import unexplained as dut
 from np_drake.diagnosis.decision.unexplained import Indication
@@ -38,11 +36,11 @@ def noise_of(e) -> np.ndarray:
     )
 
 
-def left_of(hover, before, after, indications=(), options=EXACT):
+def left_of(hover, before, after, indications=(), options=EXACT, own=None):
     """Return the remainder of residuals beyond white noise, which calibration takes from one to the
     other.
     """
-    noise = noise_of(hover)
+    noise = noise_of(hover) if own is None else own
     e = dc.replace(hover, y=noise + after, calibrated=before - after)
     held = HeldOut(
         [e], {e.name: []}, {e.name: e.y}, {e.name: np.ones(len(e.t), bool)}, {e.name: []}
@@ -60,13 +58,31 @@ def push(e, size: float) -> np.ndarray:
     return out
 
 
-@settings(max_examples=300, deadline=None)
-@given(st.lists(st.floats(-0.5, 3.0), min_size=5, max_size=60), st.floats(0.0, 100.0))
-def test_share_and_probability_never_contradict_each_other(draws, size):
-    share, (low, high), probability = dut.share_and_probability(np.array(draws), size)
-    assert low <= share <= high
-    assert not (share > dut.TOO_MUCH and probability < 0.5)
-    assert not (share < dut.NOTHING and probability > 0.5)
+@pytest.mark.parametrize(
+    "before, after, material",  # force over the stated one [1]
+    [(2.0, 0.8, False), (2.0, 1.2, True), (2.0, 0.95, True), (10.0, 1.2, False), (0.8, 0.8, False)],
+)
+def test_sizes_share_and_probability_are_one_answer(hover, before, after, material):
+    least = EXACT.materiality.remaining_force * WEIGHT
+    asked = dc.replace(EXACT, materiality=Materiality(position=10.0))
+    found = left_of(hover, push(hover, before * least), push(hover, after * least), options=asked)
+    assert found.force == pytest.approx(after * least, rel=0.05)
+    assert found.matters == material
+    assert not found.share > dut.TOO_MUCH or found.matters
+
+
+def test_noise_of_torque_leads_as_far_as_it_integrates(hover):
+    deviation, step = 0.05, hover.grid.step  # [N·m], of white noise
+    own = noise_of(hover)
+    own[:, 3:5] *= deviation / 1e-3
+    turning = deviation / np.diag(VEHICLE.J)[:2] * VEHICLE.gravity * (step / 252) ** 0.5
+    found = left_of(hover, push(hover, 2.0), push(hover, 0.2), own=own)
+    expected = (-2 * np.log(1 - dut.ALONE) * turning.prod()) ** 0.5  # of two normal axes
+    assert found.noise == pytest.approx(expected, rel=0.2)
+    assert 0.05 < found.position < found.noise  # beyond what is asked for, and hidden
+    assert found.probability < 0.05
+    loud = left_of(hover, push(hover, 2.0), push(hover, 0.2), own=20 * own)
+    assert np.isnan(loud.position)  # of which the thrust turns by more than a radian
 
 
 def test_a_constant_force_moves_the_vehicle_by_half_its_acceleration(hover):
@@ -109,3 +125,5 @@ def test_structure_in_the_noise_is_left_as_probably_as_it_is_there(hover):
     assert none.share < 0.01
     assert found.share > none.share
     assert found.force == pytest.approx((0.9 * 0.6) ** 0.5 * FORCE_NOISE, rel=0.05)
+    far = left_of(hover, gap, push(hover, 0.0), [hidden[0]._replace(position=100.0)])
+    assert 0 < far.position < far.noise  # structure that the noise holds leads no farther

@@ -123,6 +123,18 @@ def with_left(diagnosis, **changes):
     return dc.replace(diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, left=left))
 
 
+def test_a_remainder_that_the_rule_of_the_share_or_noise_hides_says_so(diagnosis):
+    sizes = {"force": 1e-3, "torque": 0.0}
+    small = with_left(diagnosis, share=0.005, position=0.43, noise=0.73, **sizes)
+    said = remains(small).replace("\u00a0", " ")
+    assert (
+        "left beyond the noise (immaterial below 2 %): 1.0 mN and 0.43 m after 1 s, beside" in said
+    )
+    hidden = with_left(diagnosis, position=float("nan"), noise=1.7, **sizes)
+    said = remains(hidden).replace("\u00a0", " ")
+    assert ": 1.0 mN, beside up to 1.7 m after 1 s by noise alone." in said
+
+
 def test_of_an_immaterial_gap_no_share_is_said(diagnosis):
     said = remains(with_left(diagnosis, share=float("nan"), position_before=0.011))
     assert (
