@@ -16,7 +16,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs import inputs, rotors
 from np_drake.logs.clock import FINEST, Lag, lag_of, state_lags
 from np_drake.logs.columns import LOOKS, UNLOGGED
-from np_drake.logs.formats.format import CLIPS, SAYS
+from np_drake.logs.formats.format import CLIPS, NO_FLIGHT, SAYS
 from np_drake.logs.importing.laws import (
     OPPOSED,
     SCALE,
@@ -114,7 +114,7 @@ def doubts(flight: FlightResiduals) -> list[Doubt]:
     log = flight.log
     # What a reader found of order and coefficient of the rotors, which is not that of the
     # vehicle file, and what the vehicle says of itself.
-    known = (rotors.NOTE, inputs.COEFFICIENT_NOTE, SAYS, TICKS)
+    known = (rotors.NOTE, inputs.COEFFICIENT_NOTE, NO_FLIGHT, SAYS, TICKS)
     return [
         *_residual(flight),
         *_torque(flight),

@@ -18,11 +18,13 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
+from np_drake.logs.columns import LEAST_ROWS
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import (
     COUNTED,
     CUT,
     FEW_CLIPS,
+    NO_FLIGHT,
     Contents,
     Format,
     Motors,
@@ -248,6 +250,7 @@ MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
 LONGEST_DELAY = 1_000_000  # of a message; beyond, timestamp_sample means something else [us]
 PROBED = ("esc_status", "actuator_motors", "actuator_outputs")  # their unused columns are left out
 STILL = 0.1  # changes over those of the liveliest, up to which an output is no motor; own choice
+MOVES = "moves"  # in place of a column: changes of the liveliest of its outputs
 LIFTS = "lifts"  # in place of a column: correlation of its outputs with the collective thrust
 LIFTING = 0.5  # correlation from which outputs are those of motors, not of a gimbal [1]; own choice
 COLLECTIVE = (  # setpoints of the collective thrust, and the sign of it in each
@@ -421,6 +424,8 @@ def _contents(path: Path) -> Contents:
                 for c in columns
                 if ROTOR_COLUMN.fullmatch(c)
             }
+            if moves and len(t) >= LEAST_ROWS:
+                values[f"{name}/{MOVES}"] = float(max(moves.values()))
             least = STILL * max(moves.values(), default=0)
             columns = [c for c in columns if moves.get(c, np.inf) > least]
             outputs = [data.data[c].astype(float) for c in columns if c in moves]
@@ -653,7 +658,7 @@ def _default_map(contents: Contents) -> LogMap | None:
     Hz or more, else collective, else that of motors of another number or however slow. Torque
     setpoints are normalised and have no unit: they are left out. The velocity of an external vision
     is taken to be in body axes, as MAVLink's ODOMETRY has it.
-    Raises: ValueError: if outputs move and nothing says which are motors.
+    Raises: ValueError: if no motor moves, or outputs do and nothing says which are motors.
     """
     position, velocity, odometry = _position(contents)
     fast = motors(contents, SLOWEST_ROTORS)
@@ -688,7 +693,14 @@ def _default_map(contents: Contents) -> LogMap | None:
     )
     if not found.tells_motion:
         return None
-    for name, columns in contents.items() if not (found.throttle or found.rotor_speed) else ():
+    values, driven = getattr(contents, "values_of", {}), found.throttle or found.rotor_speed
+    still = [name for name in contents if values.get(f"{name}/{MOVES}", 1.0) == 0]
+    require(
+        "actuator_motors" not in still and (driven or not still),
+        f"{NO_FLIGHT}the motors do not carry the vehicle; no column of {' and '.join(still)} ever "
+        "changes. Bring the log of a flight.",
+    )
+    for name, columns in contents.items() if not driven else ():
         moving = sum(bool(ROTOR_COLUMN.fullmatch(column)) for column in columns)
         require(
             name.partition(".")[0] not in ("actuator_motors", "actuator_outputs") or not moving,

@@ -15,7 +15,7 @@ from np_drake.logs.columns import LARGEST, LEAST_ROWS
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
 from np_drake.logs.importing.laws import stretches
-from np_drake.logs.importing.log_map import UNITS, LogMap, Source
+from np_drake.logs.importing.log_map import UNITS, LogMap, Source, convert_quantity
 
 # Rate of rotor speed, of the throttle of each motor, and of torque, below which they are no input:
 # what turns the vehicle is faster. Source: own choice.
@@ -203,6 +203,9 @@ OPTIONAL = (
     "commanded_rates",
 )  # of which a few samples are as good as none
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
+# Of a battery that carries a vehicle [V]; own choice: a lithium cell is empty at 2.5 V, and sags.
+LEAST_VOLTAGE = 2.0
+MOST_DEAD = 0.5  # share of readings below it from which none is a battery's [1]; own choice
 
 
 def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
@@ -215,10 +218,17 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
     ticks: dict[float, list[str]] = {}
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
-        dead = np.count_nonzero(signal.values <= 0) if name == "voltage" else 0
-        if dead:
-            signal.values[signal.values <= 0] = np.nan
-            notes.append(f"voltage: {dead} readings of 0 V, on which nothing flies, left out")
+        if name == "voltage":
+            dead = convert_quantity(name, signal.values, log_map)[:, 0] < LEAST_VOLTAGE
+            signal = Signal(signal.t[~dead], signal.values[~dead])
+            if dead.any():
+                notes.append(
+                    f"voltage: {dead.sum()} of {len(dead)} readings are below {LEAST_VOLTAGE:g} V, "
+                    f"on which nothing flies (no power module, or another unit); "
+                    f"{'all' if dead.mean() > MOST_DEAD else 'these'} left out"
+                )
+            if dead.mean() > MOST_DEAD:
+                continue
         signal, reasons = _cleaned(
             signal, quaternion=name == "attitude" and len(source.columns) == 4
         )

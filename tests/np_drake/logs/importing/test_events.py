@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.doctor.flight_facts import law_doubts
+from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.log_file import read, write_log
 from np_drake.logs.import_sheet import write_sheet
@@ -125,8 +126,44 @@ def test_events_of_a_log_are_said_with_their_times(flown, import_px4):
     assert found.said == (
         "the log says: battery low at 3.00 s; mode return at 4.00 s; battery critical at 5.00 s",
     )
-    assert found.flights[0].voltage is None  # it reads 0
-    assert any("voltage: 801 readings of 0 V" in note for note in found.sheet.content["notes"])
+
+
+@pytest.mark.parametrize("fallen, left", [(1.0, None), (0.7, None), (0.3, 9.0), (0.0, 9.0)])
+def test_a_voltage_on_which_nothing_flies_is_none_and_one_that_falls_is_kept(
+    flown, import_px4, fallen, left
+):
+    volts = np.linspace(16.0, 9.0, len(flown))  # a brown-out
+    noise = 0.13 * np.random.default_rng(1).random(len(flown))
+    read = np.where(flown.t > (1 - fallen) * 8.0 + 0.001, noise, volts)
+    battery = {"battery_status": Stream(flown.t + 1.0, {"voltage_v": read})}
+    found = px4(import_px4, {"actuator_motors": autopilots.throttle(flown)}, battery)
+    (dut,) = found.flights
+    assert len(dut) == len(flown)
+    told = [note for note in found.sheet.content["notes"] if note.startswith("voltage: ")]
+    assert len(told) == (fallen > 0)
+    if left is None:
+        assert dut.voltage is None
+        assert "all left out" in told[0]
+    else:
+        assert dut.voltage.min() == pytest.approx(16.0 - 7.0 * (1 - fallen), abs=0.05)
+
+
+@pytest.mark.parametrize("idle", [0.0, 0.05, 0.1])
+def test_a_vehicle_that_is_carried_while_its_motors_rest_is_no_flight(
+    flown, import_px4, import_ardupilot, idle
+):
+    told = "no flight: the motors do not carry the vehicle"
+    rest = np.full((len(flown), 4), idle)
+    speed = 1000.0 + 5.0 * np.random.default_rng(0).standard_normal(rest.shape)
+    for outputs in ({}, {"esc_status": speed}):
+        with pytest.raises(LogError, match=f"{told}; no column of actuator_motors ever changes"):
+            import_px4({"actuator_motors": rest, **outputs}, autopilots.PX4_CORNERS)
+    rest[flown.t < 0.5] = 0.0  # not armed yet
+    found = import_ardupilot(1000.0 + 1000.0 * rest)
+    assert f"{told}; nothing can be identified" in found.said
+    assert any(note.startswith(told) for note in found.flights[0].notes)
+    flies = import_px4({"actuator_motors": autopilots.throttle(flown), "actuator_outputs": rest})
+    assert not any("no flight" in line for line in flies.said)
 
 
 def test_errors_and_counters_of_ardupilot_are_read(flown, import_ardupilot):
