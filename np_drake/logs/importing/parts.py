@@ -140,7 +140,7 @@ FITS = "fits "  # beginning of a note that not all of a log is taken
 RESTS = 0.8  # share of readings equal to the one before from which motors idle [1]; own choice
 
 
-# Below which rotors stand [N, 1, rad/s]; own choice. What commands them tells more than their speed.
+# Below which rotors stand [N, 1, rad/s]; own choice. Commands count before speeds.
 IDLE = {"thrust": 0.0, "throttle": 0.05, "rotor_speed": 10.0}
 # deviation of the time at which a row's command acts, over the interval of the command [1]
 UNCERTAIN = {
