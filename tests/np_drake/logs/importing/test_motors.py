@@ -74,6 +74,24 @@ def test_px4_outputs_are_motors_by_their_functions_and_limits(flown, import_px4,
     ]
 
 
+@pytest.mark.parametrize("servos", [0, 2])
+@pytest.mark.parametrize("gimbal", [3, 4, 6])
+def test_motors_on_aux_outputs_are_not_the_gimbal_on_main(flown, import_px4, gimbal, servos):
+    ours = autopilots.throttle(flown)
+    functions = {f"PWM_MAIN_FUNC{n}": 419 + n for n in range(1, gimbal + 1)}
+    functions |= {f"PWM_AUX_FUNC{n}": 100 + n for n in range(1, 5)}
+    functions |= {f"PWM_AUX_FUNC{n}": 401 + n for n in range(5, 5 + servos)}
+    pulses = np.column_stack([1000.0 + 1000.0 * ours, noise(flown, servos)])
+    outputs = {"actuator_outputs": noise(flown, gimbal), "actuator_outputs.1": pulses}
+    found = import_px4(
+        outputs, autopilots.PX4_CORNERS | functions | {"PWM_MIN": 1000, "PWM_MAX": 2000}
+    )
+    np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
+    without = {name: f for name, f in functions.items() if "MAIN" in name}
+    with pytest.raises(LogError, match="nothing says which are all of the motors"):
+        import_px4({"actuator_outputs": noise(flown, gimbal)}, without)
+
+
 @pytest.mark.parametrize("hover", [250.0, 1000.0])
 def test_dshot_counts_are_told_however_low_the_vehicle_hovers(flown, import_px4, hover):
     ours = autopilots.throttle(flown)
@@ -114,6 +132,19 @@ def test_ardupilot_motors_are_on_the_outputs_of_their_functions(flown, import_ar
     found = import_ardupilot(pulses, frame | gimbal | servos((6, 5, 4, 3)))
     np.testing.assert_allclose(opened(found, tmp_path).throttle, ours, atol=1e-9)
     assert "motors are on the outputs 6, 5, 4, 3 (SERVOn_FUNCTION)" in found.said
+
+
+def test_a_gimbal_on_the_first_outputs_is_no_motor_unless_a_map_names_it(
+    flown, import_ardupilot, tmp_path
+):
+    parameters = {"FRAME_CLASS": 1.0, **servos((1, 2, 3), 6)}
+    pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
+    with pytest.raises(LogError, match="no output drives a motor .* Name columns as throttle"):
+        import_ardupilot(pulses, parameters)
+    (tmp_path / "map.yaml").write_text("throttle: {columns: [RCOU/C4], unit: us}\n")
+    own = load_map_file(tmp_path / "map.yaml")
+    (dut,) = import_ardupilot(pulses, parameters, log_map=own).flights
+    np.testing.assert_allclose(dut.throttle, autopilots.throttle(flown)[:, 3:], atol=1e-9)
 
 
 @pytest.mark.parametrize("kind, order", [(1, [1, 3, 0, 2]), (14, [1, 2, 3, 0])])
