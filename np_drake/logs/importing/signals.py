@@ -236,10 +236,6 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
             notes.append(f"{name}: rows left out: {reasons}")
         if signal.tick:
             ticks.setdefault(signal.tick, []).append(name)
-        if name == "rotor_speed" and len(signal.t) > 1:
-            signal, zeros = without_zeros(signal)
-            if zeros:
-                notes.append(f"rotor_speed: {zeros} readings that no rotor has left out")
         if name in STATE and len(signal.t) >= LEAST_ROWS and len(signal.renewed.t) < len(signal.t):
             share, signal = len(signal.renewed.t) / len(signal.t), signal.renewed
             notes.append(
@@ -258,6 +254,8 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
                 f"{', '.join(source.columns)}{left}."
             )
         signals[name] = signal
+    if "rotor_speed" in signals:
+        notes += _without_dropouts(signals, log_map, recording.path)
     for tick, names in ticks.items():
         head = TICKS if tick > LONG_TICK else "times are rounded to "
         said = f"{head}{1e3 * tick:.3g} ms: {', '.join(names)}; taken as an uncertainty of time"
@@ -353,6 +351,8 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
             )
 
 
+DROPOUTS = "speeds that no rotor in flight has, as where an ESC drops out"
+MOST_MISSING = 0.1  # share of rows from which rotor speed is no input [1]; own choice
 LONGEST_ZERO = 0.1  # in which no rotor stops and turns again [s]; own choice
 # speed over the median beyond which a reading is none: sixteen times its thrust [1]; own choice
 GLITCH = 4.0
@@ -374,28 +374,71 @@ HELD = (
 COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
 
 
-def without_zeros(own: Signal) -> tuple[Signal, int]:
-    """Return rotor speeds without readings that no rotor has, and how many they are.
+def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) -> list[str]:
+    """Take readings that no rotor has out of the rotor speeds, or these where much is missing and
+    throttle or thrust takes their place. Return a line on it, or none.
+    Raises: LogError: if too few are left, and nothing takes their place.
+    """
+    own = signals["rotor_speed"]
+    name = next((name for name in ("thrust", "throttle") if name in signals), "")
+    level = None
+    if name:
+        command = signals[name]
+        values = np.abs(convert_quantity(name, command.values, log_map).mean(axis=1))
+        level = np.interp(own.t, command.t, values)
+    found, bridged, lost = without_zeros(own, level)
+    rows = lost.any(axis=1)
+    if name and rows.mean() > MOST_MISSING:
+        del signals["rotor_speed"]
+        return [f"rotor_speed: {DROPOUTS} in {rows.mean():.0%} of the rows; left out"]
+    require(
+        np.sum(~rows) >= LEAST_ROWS,
+        f"{path}, rotor_speed: must be that of turning rotors; {DROPOUTS} in {rows.mean():.0%} of "
+        "the rows. Log throttle as well.",
+        LogError,
+    )
+    signals["rotor_speed"] = dc.replace(own, t=own.t[~rows], values=found[~rows])
+    counts = {"readings bridged": bridged.sum(), "rows left out": rows.sum()}
+    said = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    return [f"rotor_speed: {DROPOUTS}: {said}"] if said else []
+
+
+def without_zeros(
+    own: Signal, level: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return rotor speeds (n, k) with those interpolated that no rotor has, and which (n, k) were
+    missing shortly, and which for long.
 
     A rotor does not stop, or turn `GLITCH` times as fast as it usually does, and turn again within
-    `LONGEST_ZERO`: these are interpolated. Rows of longer ones are left out where the others carry.
+    `LONGEST_ZERO`; for longer not where the vehicle flies: another rotor or the command carries. A
+    rotor that stands to the end may have stopped (`stopped_rotor`).
+
+    Args:
+        level: (n,) throttle or thrust, in any unit.
     """
-    values, count, lost = own.values.copy(), 0, np.zeros(len(own.t), bool)
-    carried = _shares(values)[1]
-    for column in values.T:
-        bad = np.zeros(len(column), bool)
+    values = own.values.copy()
+    bridged, lost = np.zeros((2, *values.shape), bool)
+    share, carried = _shares(values)
+    flies = np.max(share, axis=1) > CARRIES
+    if level is not None:
+        flies |= level > 0.5 * np.median(level[level >= 0.5 * np.percentile(level, 95)])
+    for column, short, long in zip(values.T, bridged.T, lost.T, strict=True):
         usual = float(np.median(column[column > 0])) if (column > 0).any() else np.inf
         for start, stop in stretches((column == 0) | (column > GLITCH * usual)):
-            if start == 0 or stop == len(column):
-                continue
-            short = own.t[stop] - own.t[start - 1] <= max(LONGEST_ZERO, 2.5 * own.step)
-            bad[start:stop] = short
-            lost[start:stop] |= carried[start:stop] & (not short)
-        if bad.any():
-            column[bad] = np.interp(own.t[bad], own.t[~bad], column[~bad])
-            count += int(bad.sum())
-    count += int(lost.sum())
-    return dc.replace(own, t=own.t[~lost], values=values[~lost]), count
+            inside = 0 < start and stop < len(column)
+            before, after = own.t[max(start - 1, 0)], own.t[min(stop, len(column) - 1)]
+            brief = after - before <= max(LONGEST_ZERO, 2.5 * own.step)
+            may_stop = stop == len(column) and start > 0 and carried[start:].any()
+            short[start:stop] = brief and inside
+            long[start:stop] = (
+                not (brief and inside)
+                and (brief or not may_stop)
+                and np.mean(flies[start:stop]) > 0.5
+            )
+        good = ~(short | long)
+        if good.any():
+            column[~good] = np.interp(own.t[~good], own.t[good], column[good])
+    return values, bridged, lost
 
 
 def stopped_rotor(own: Signal) -> tuple[float, int] | None:
