@@ -351,7 +351,7 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
             )
 
 
-DROPOUTS = "speeds that no rotor in flight has, as where an ESC drops out"
+DROPOUTS = "readings of no rotor in flight (0, where an ESC drops out)"
 MOST_MISSING = 0.1  # share of rows from which rotor speed is no input [1]; own choice
 LONGEST_ZERO = 0.1  # in which no rotor stops and turns again [s]; own choice
 # speed over the median beyond which a reading is none: sixteen times its thrust [1]; own choice
@@ -425,7 +425,7 @@ def without_zeros(
     for column, short, long in zip(values.T, bridged.T, lost.T, strict=True):
         usual = float(np.median(column[column > 0])) if (column > 0).any() else np.inf
         for start, stop in stretches((column == 0) | (column > GLITCH * usual)):
-            inside = 0 < start and stop < len(column)
+            inside = start > 0 and stop < len(column)
             before, after = own.t[max(start - 1, 0)], own.t[min(stop, len(column) - 1)]
             brief = after - before <= max(LONGEST_ZERO, 2.5 * own.step)
             may_stop = stop == len(column) and start > 0 and carried[start:].any()

@@ -139,7 +139,7 @@ def test_a_gimbal_on_the_first_outputs_is_no_motor_unless_a_map_names_it(
 ):
     parameters = {"FRAME_CLASS": 1.0, **servos((1, 2, 3), 6)}
     pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
-    with pytest.raises(LogError, match="no output drives a motor .* Name columns as throttle"):
+    with pytest.raises(LogError, match=r"no output drives a motor .* Name columns as throttle"):
         import_ardupilot(pulses, parameters)
     (tmp_path / "map.yaml").write_text("throttle: {columns: [RCOU/C4], unit: us}\n")
     own = load_map_file(tmp_path / "map.yaml")
