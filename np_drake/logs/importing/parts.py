@@ -106,10 +106,13 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
         )
 
 
-def require_a_flight(log_map: LogMap, path: str, looks: Callable[[str], str]) -> None:
+def require_a_flight(
+    log_map: LogMap, path: str, looks: Callable[[str], str], *, given: bool
+) -> None:
     """Check that the map names what a flight log needs, before anything is read.
 
     Args:
+        given: whether the map is its user's; else it is of the log's own names.
         looks: returns a sentence on the columns that look like fields.
     Raises: LogError: if it does not.
     """
@@ -133,7 +136,9 @@ def require_a_flight(log_map: LogMap, path: str, looks: Callable[[str], str]) ->
     )
     for named, what, fields in needs:
         if not named:
-            raise LogError(f"{path}: the map must name columns of {what}{looks(fields)}")
+            whose = "the map must name columns" if given else "its own names must tell columns"
+            remedy = "" if given else " Name them in a map (--map FILE)."
+            raise LogError(f"{path}: {whose} of {what}{remedy}{looks(fields)}")
 
 
 FITS = "fits "  # beginning of a note that not all of a log is taken
