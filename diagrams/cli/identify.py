@@ -52,6 +52,7 @@ from np_drake.identification.quantities import Identified
 from np_drake.identification.signals import common_drive, left_out, signals
 from np_drake.identification.validation import HeldOut
 from np_drake.identification.validation import held_out as errors_on
+from np_drake.logs.formats.format import NO_FLIGHT
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 from np_drake.logs.rotors import tell_directions
@@ -228,6 +229,8 @@ def _read_logs(paths: list[Path], log_map: Path | None, advance: Any) -> list[Op
         advance(READ * number / len(paths), f"reading {path.name}")
         read.append(read_as_logged(path, declared))
         logs = read[-1].flights
+        notes = {note for log in logs for note in log.notes if note.startswith(NO_FLIGHT)}
+        require(not notes, f"{path}: {' '.join(notes)}. {REMEDY}")
         inputs = [log.rotor if log.rotor is not None else log.throttle for log in logs]
         require(
             any(values is None or (values > 0).any() for values in inputs),

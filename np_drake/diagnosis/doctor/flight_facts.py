@@ -114,7 +114,7 @@ def doubts(flight: FlightResiduals) -> list[Doubt]:
     log = flight.log
     # What a reader found of order and coefficient of the rotors, which is not that of the
     # vehicle file, and what the vehicle says of itself.
-    known = (rotors.NOTE, inputs.COEFFICIENT_NOTE, NO_FLIGHT, SAYS, TICKS)
+    known = (rotors.NOTE, inputs.COEFFICIENT_NOTE, SAYS, TICKS)
     return [
         *_residual(flight),
         *_torque(flight),
@@ -136,7 +136,9 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         return [
             Doubt(log.name, f"{flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)
         ]
-    aside, failed, found = told_by_noise(own), failing(own), []
+    aside, failed = told_by_noise(own), failing(own)
+    no_flight = [note for note in log.notes if note.startswith(NO_FLIGHT)]
+    found = [Doubt(log.name, note, fails=True) for note in no_flight]
     clips = any(note.startswith(CLIPS) for note in log.notes)
     noisy = [law for law in aside if not (clips and law.startswith("velocity"))]
     lift = [law for law in failed if law.startswith("lift")]
