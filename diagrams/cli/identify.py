@@ -246,15 +246,15 @@ def _with_stated_props(
 
     Raises: ValueError: where an option contradicts a log.
     """
-    for log in (log for found in read for log in found.flights if log.layout is not None):
-        stated = log.layout.props
+    logs = [log for found in read for log in found.flights]
+    for name, layout in ((log.name, log.layout) for log in logs if log.layout is not None):
         require(
-            not (props and stated) or props == stated,
-            f"--props {props}: the propellers of {log.name} turn {stated} at the front "
-            f"({log.layout.source}). Leave --props out.",
+            not (props and layout.props) or props == layout.props,
+            f"--props {props}: the propellers of {name} turn {layout.props} at the front "
+            f"({layout.source}). Leave --props out.",
         )
-        if stated and not known:
-            directions = directions_of(prior.rotor_positions, stated)
+        if layout.props and not known:
+            directions = directions_of(prior.rotor_positions, layout.props)
             return dc.replace(prior, rotor_directions=directions)
     return prior
 
