@@ -134,9 +134,7 @@ def test_logs_without_a_vehicle_file_are_identified_by_four_measures(folder, cap
     assert "give --vehicle FILE, or --wheelbase as well" in missing
 
 
-def test_propellers_turn_as_the_log_states_and_an_option_may_not_contradict_it(
-    folder, capsys, tmp_path
-):
+def test_propellers_turn_as_the_log_states_and_no_option_contradicts_it(folder, capsys, tmp_path):
     (short,) = read(folder / "short.csv")
     path, stated = tmp_path / "out.csv", FIRMWARE["crazyflie"]
     out = dc.replace(stated, directions=tuple(-d for d in stated.directions))
