@@ -69,8 +69,7 @@ def read(path: str | Path) -> list[FlightLog]:
         name = file if len(parts) == 1 else f"{file} part {number}"
         log = columns.assemble(part, fields, name)
         if log.rotor is not None:
-            level = None if log.throttle is None else log.throttle.mean(axis=1)
-            log.rotor, *missing = without_zeros(Signal(log.t, log.rotor), level)
+            log.rotor, *missing = without_zeros(Signal(log.t, log.rotor))
             gone = np.any(missing, axis=(0, 2))
             bridged = bridged | gone
             log.notes += [f"{DROPOUTS}: {gone.sum()} rows filled in"] * bool(gone.any())

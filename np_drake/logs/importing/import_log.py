@@ -315,7 +315,6 @@ def import_log(
     WrongConventions, one of these, if it does not agree with its conventions; OSError: if it cannot
     be opened.
     """
-    given = log_map is not None
     known, contents, found, motors = _map_for(Path(path), log_map)
     # Of a log that an import wrote, without its position.
     beside = read_sheet(path) if log_map is None else Sheet()
@@ -325,9 +324,7 @@ def import_log(
         ).check()
     except ValueError as error:
         raise LogError(f"{path}: {error}") from None
-    require_a_flight(
-        log_map, f"{path}", lambda fields: known.advice + looks(contents, fields), given=given
-    )
+    require_a_flight(log_map, f"{path}", lambda fields: known.advice + looks(contents, fields))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
     signals, said, notes, origin = _signals_of_parts(recording, log_map, str(path))

@@ -106,13 +106,10 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
         )
 
 
-def require_a_flight(
-    log_map: LogMap, path: str, looks: Callable[[str], str], *, given: bool
-) -> None:
+def require_a_flight(log_map: LogMap, path: str, looks: Callable[[str], str]) -> None:
     """Check that the map names what a flight log needs, before anything is read.
 
     Args:
-        given: whether the map is its user's; else it is of the log's own names.
         looks: returns a sentence on the columns that look like fields.
     Raises: LogError: if it does not.
     """
@@ -136,9 +133,8 @@ def require_a_flight(
     )
     for named, what, fields in needs:
         if not named:
-            whose = "the map must name columns" if given else "its own names must tell columns"
-            remedy = "" if given else " Name them in a map (--map FILE)."
-            raise LogError(f"{path}: {whose} of {what}{remedy}{looks(fields)}")
+            whose = "its own names, or a map (--map FILE), must tell columns"
+            raise LogError(f"{path}: {whose} of {what}{looks(fields)}")
 
 
 FITS = "fits "  # beginning of a note that not all of a log is taken

@@ -55,41 +55,27 @@ def test_an_order_that_the_motion_contradicts_is_not_taken(flown, import_px4, tm
     assert "are not in the order that CA_ROTORn_PX, PY, KM states" in told[0]
 
 
-@pytest.mark.parametrize("stream", ["actuator_outputs", "actuator_outputs.1"])
-def test_px4_outputs_are_motors_by_their_functions_and_limits(flown, import_px4, stream):
-    ours = autopilots.throttle(flown)
-    pulses = np.column_stack([noise(flown, 2), 1100.0 + 800.0 * ours])
-    other = {"actuator_outputs": "actuator_outputs.1"}.get(stream, "actuator_outputs")
-    functions = {
-        f"PWM_AUX_FUNC{n}": f
-        for n, f in zip(range(1, 7), (201, 202, 101, 102, 103, 104), strict=True)
-    }
-    limits = {
-        f"PWM_AUX_{end}{n}": us for n in range(1, 7) for end, us in (("MIN", 1100), ("MAX", 1900))
-    }
-    found = import_px4({other: noise(flown, 3), stream: pulses}, functions | limits)
-    np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
-    assert found.sheet.content["columns"]["throttle"]["from"] == [
-        f"{stream}/output[{i}]" for i in range(2, 6)
-    ]
+AUX = ("actuator_outputs", "actuator_outputs.1")  # of two groups, the second
 
 
-@pytest.mark.parametrize("servos", [0, 2])
-@pytest.mark.parametrize("gimbal", [3, 4, 6])
-def test_motors_on_aux_outputs_are_not_the_gimbal_on_main(flown, import_px4, gimbal, servos):
+@pytest.mark.parametrize(
+    "gimbal, servos, stream", [(3, 0, 0), (3, 2, 1), (4, 0, 1), (4, 2, 1), (6, 2, 1)]
+)
+def test_px4_motors_on_aux_are_told_from_a_gimbal_on_main(
+    flown, import_px4, gimbal, servos, stream
+):
     ours = autopilots.throttle(flown)
-    functions = {f"PWM_MAIN_FUNC{n}": 419 + n for n in range(1, gimbal + 1)}
-    functions |= {f"PWM_AUX_FUNC{n}": 100 + n for n in range(1, 5)}
-    functions |= {f"PWM_AUX_FUNC{n}": 401 + n for n in range(5, 5 + servos)}
-    pulses = np.column_stack([1000.0 + 1000.0 * ours, noise(flown, servos)])
-    outputs = {"actuator_outputs": noise(flown, gimbal), "actuator_outputs.1": pulses}
-    found = import_px4(
-        outputs, autopilots.PX4_CORNERS | functions | {"PWM_MIN": 1000, "PWM_MAX": 2000}
-    )
+    main = {f"PWM_MAIN_FUNC{n}": 419 + n for n in range(1, gimbal + 1)}
+    aux = dict(enumerate([*range(402, 402 + servos), 101, 102, 103, 104], start=1))
+    limits = {f"PWM_AUX_{end}{n}": us for n in aux for end, us in (("MIN", 1100), ("MAX", 1900))}
+    outputs = {
+        AUX[1 - stream]: noise(flown, gimbal),
+        AUX[stream]: np.column_stack([noise(flown, servos), 1100.0 + 800.0 * ours]),
+    }
+    found = import_px4(outputs, main | limits | {f"PWM_AUX_FUNC{n}": f for n, f in aux.items()})
     np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
-    without = {name: f for name, f in functions.items() if "MAIN" in name}
     with pytest.raises(LogError, match="nothing says which are all of the motors"):
-        import_px4({"actuator_outputs": noise(flown, gimbal)}, without)
+        import_px4({AUX[0]: noise(flown, gimbal)}, main)
 
 
 @pytest.mark.parametrize("hover", [250.0, 1000.0])
