@@ -68,7 +68,7 @@ def read(path: str | Path) -> list[FlightLog]:
         part, bridged = bridge_gaps(part, fields)
         name = file if len(parts) == 1 else f"{file} part {number}"
         log = columns.assemble(part, fields, name)
-        if log.rotor is not None:
+        if log.rotor is not None and "u" not in fields:
             log.rotor, *missing = without_zeros(Signal(log.t, log.rotor))
             gone = np.any(missing, axis=(0, 2))
             bridged = bridged | gone

@@ -410,8 +410,8 @@ def without_zeros(
     missing shortly, and which for long.
 
     A rotor does not stop, or turn `GLITCH` times as fast as it usually does, and turn again within
-    `LONGEST_ZERO`; for longer not where the vehicle flies: another rotor or the command carries. A
-    rotor that stands to the end may have stopped (`stopped_rotor`).
+    `LONGEST_ZERO`; for longer not where the vehicle flies: another rotor or the command carries. It
+    slows down before it stops, and may have stopped where it stands to the end (`stopped_rotor`).
 
     Args:
         level: (n,) throttle or thrust, in any unit.
@@ -425,7 +425,10 @@ def without_zeros(
     for column, short, long in zip(values.T, bridged.T, lost.T, strict=True):
         usual = float(np.median(column[column > 0])) if (column > 0).any() else np.inf
         for start, stop in stretches((column == 0) | (column > GLITCH * usual)):
-            inside = start > 0 and stop < len(column)
+            around = [column[k] for k in (start - 1, stop) if 0 <= k < len(column)]
+            if min(around, default=np.inf) < STOPS * usual:  # it slows down
+                continue
+            inside = len(around) == 2
             before, after = own.t[max(start - 1, 0)], own.t[min(stop, len(column) - 1)]
             brief = after - before <= max(LONGEST_ZERO, 2.5 * own.step)
             may_stop = stop == len(column) and start > 0 and carried[start:].any()

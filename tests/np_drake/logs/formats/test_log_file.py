@@ -73,7 +73,7 @@ def test_without_a_command_thrust_comes_from_rotor_speed(flight, tmp_path):
 def test_zeros_of_an_esc_in_flight_are_filled_in_and_do_not_count(flight, tmp_path):
     rotor = np.full((len(flight), 4), 800.0)
     rotor[20:22, 0] = rotor[50:80, 2] = 0.0
-    write_log(dc.replace(flight, rotor=rotor), tmp_path / "made.csv")
+    write_log(dc.replace(flight, rotor=rotor, input="rotor_speed"), tmp_path / "made.csv")
     dut = read_flights(tmp_path / "made.csv")[0]
     np.testing.assert_array_equal(dut.rotor, 800.0)
     np.testing.assert_array_equal(np.flatnonzero(dut.in_gap), [20, 21, *range(50, 80)])

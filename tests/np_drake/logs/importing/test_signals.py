@@ -197,6 +197,14 @@ def test_a_rotor_that_reads_zero_while_the_vehicle_flies_is_not_read(
     assert np.sum((own.values == 0) & ~short & ~long) == zeros
 
 
+def test_a_rotor_that_slows_down_before_it_stops_is_read():
+    speed = readings({0: LONG})
+    speed[20:30, 0] = np.linspace(900.0, 60.0, 10)
+    values, *missing = without_zeros(Signal(0.01 * np.arange(100), speed))
+    assert not np.any(missing)
+    np.testing.assert_array_equal(values, speed)
+
+
 def test_rotor_speed_of_which_much_is_missing_gives_way_to_throttle():
     columns = {f"r{i}": x for i, x in enumerate(readings({0: LONG}).T)}
     log_map = LogMap(rotor_speed=Source(list(columns)), throttle=Source(["u"]))
