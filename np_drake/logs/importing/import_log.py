@@ -44,6 +44,7 @@ from np_drake.logs.importing.laws import SCALE, failing
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source, convert_quantity
 from np_drake.logs.importing.parts import FITS, Part, imported_parts, require_a_flight
 from np_drake.logs.importing.signals import (
+    LOST,
     TICKS,
     Signal,
     Signals,
@@ -349,9 +350,8 @@ def import_log(
         flight.start += beside.start
     end = flights[-1].start + flights[-1].t[-1]
     told = [*recording.said, *_said_by(recording, origin, end), *said, *told]
-    standing = tuple(
-        line for line in [*told, *notes] if line.startswith((FITS, NO_FLIGHT, SAYS, TICKS))
-    )
+    against = (FITS, NO_FLIGHT, SAYS, TICKS, *LOST)
+    standing = tuple(line for line in [*told, *notes] if line.startswith(against))
     derived = tuple(flights[0].notes)
     for flight in flights:
         flight.notes += standing

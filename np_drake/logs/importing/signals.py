@@ -220,15 +220,16 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
         signal = _assembled(recording, source)
         if name == "voltage":
             dead = convert_quantity(name, signal.values, log_map)[:, 0] < LEAST_VOLTAGE
-            signal = Signal(signal.t[~dead], signal.values[~dead])
+            most = dead.sum() > MOST_DEAD * len(dead)
             if dead.any():
                 notes.append(
                     f"voltage: {dead.sum()} of {len(dead)} readings are below {LEAST_VOLTAGE:g} V, "
                     f"on which nothing flies (no power module, or another unit); "
-                    f"{'all' if dead.mean() > MOST_DEAD else 'these'} left out"
+                    f"{'all' if most else 'these'} left out"
                 )
-            if dead.mean() > MOST_DEAD:
+            if most:
                 continue
+            signal = Signal(signal.t[~dead], signal.values[~dead])
         signal, reasons = _cleaned(
             signal, quaternion=name == "attitude" and len(source.columns) == 4
         )
@@ -351,6 +352,7 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
             )
 
 
+LOST = ("voltage: ", "rotor_speed: ")  # beginnings of lines on readings that are left out
 DROPOUTS = "readings of no rotor in flight (0, where an ESC drops out)"
 MOST_MISSING = 0.1  # share of rows from which rotor speed is no input [1]; own choice
 LONGEST_ZERO = 0.1  # in which no rotor stops and turns again [s]; own choice

@@ -133,7 +133,7 @@ def test_a_voltage_on_which_nothing_flies_is_left_out(flown, import_px4, fallen,
     found = px4(import_px4, {"actuator_motors": autopilots.throttle(flown)}, battery)
     (dut,) = found.flights
     assert len(dut) == len(flown)
-    told = [note for note in found.sheet.content["notes"] if note.startswith("voltage: ")]
+    told = [note for note in dut.notes if note.startswith("voltage: ")]
     assert len(told) == (fallen > 0)
     if left is None:
         assert dut.voltage is None
