@@ -52,8 +52,9 @@ from np_drake.identification.quantities import Identified
 from np_drake.identification.signals import common_drive, left_out, signals
 from np_drake.identification.validation import HeldOut
 from np_drake.identification.validation import held_out as errors_on
+from np_drake.logs.formats.format import NO_FLIGHT
 from np_drake.logs.importing.log_map import load_map_file
-from np_drake.logs.opening import read_as_logged, with_vehicle
+from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 from np_drake.logs.rotors import tell_directions
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST, Measured, estimate
@@ -124,7 +125,9 @@ def identify(
         frame = {"wheelbase": wheelbase, "propeller": propeller, "order": order}
         prior = _prior_of(vehicle, {**frame, "mass": mass}, props)
         mass = None if trust == "thrust" else mass or prior.mass
-        opened = _open_logs([*logs, *judges], prior, log_map, advance)
+        read = _read_logs([*logs, *judges], log_map, advance)
+        prior = _with_stated_props(prior, read, props, known=vehicle is not None)
+        opened = [found.flights for found in with_vehicle(read, prior)]
         judging = [log for found in opened[len(logs) :] for log in found]
         drive = common_drive([log for found in opened for log in found], input)
         require(
@@ -215,10 +218,8 @@ def _prior_of(vehicle: Path | None, measures: dict[str, Any], props: str | None)
     return dc.replace(prior, rotor_directions=directions_of(prior.rotor_positions, props))
 
 
-def _open_logs(
-    paths: list[Path], vehicle: Vehicle, log_map: Path | None, advance: Any
-) -> list[list[FlightLog]]:
-    """Return the flights of each log, with rotors in the order of the vehicle.
+def _read_logs(paths: list[Path], log_map: Path | None, advance: Any) -> list[Opened]:
+    """Return the logs as they are logged.
 
     Raises: ValueError: where the rotors of a log do not turn, with what would tell the vehicle.
     """
@@ -228,12 +229,34 @@ def _open_logs(
         advance(READ * number / len(paths), f"reading {path.name}")
         read.append(read_as_logged(path, declared))
         logs = read[-1].flights
+        notes = {note for log in logs for note in log.notes if note.startswith(NO_FLIGHT)}
+        require(not notes, f"{path}: {' '.join(notes)}. {REMEDY}")
         inputs = [log.rotor if log.rotor is not None else log.throttle for log in logs]
         require(
             any(values is None or (values > 0).any() for values in inputs),
             f"{path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}",
         )
-    return [found.flights for found in with_vehicle(read, vehicle)]
+    return read
+
+
+def _with_stated_props(
+    prior: Vehicle, read: list[Opened], props: str | None, *, known: bool
+) -> Vehicle:
+    """Return the vehicle with its propellers turning as the logs state, unless its file is known.
+
+    Raises: ValueError: where an option contradicts a log.
+    """
+    logs = [log for found in read for log in found.flights]
+    for name, layout in ((log.name, log.layout) for log in logs if log.layout is not None):
+        require(
+            not (props and layout.props) or props == layout.props,
+            f"--props {props}: the propellers of {name} turn {layout.props} at the front "
+            f"({layout.source}). Leave --props out.",
+        )
+        if layout.props and not known:
+            directions = directions_of(prior.rotor_positions, layout.props)
+            return dc.replace(prior, rotor_directions=directions)
+    return prior
 
 
 def _split(

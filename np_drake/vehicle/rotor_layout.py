@@ -29,6 +29,14 @@ class RotorLayout:
     directions: tuple[float, ...]
     source: str
 
+    @property
+    def props(self) -> str:
+        """`in` or `out`, as the propellers of an X frame turn at the front; empty: not stated."""
+        turns = [
+            np.sign(x * y) * d for (x, y), d in zip(self.positions, self.directions, strict=True)
+        ]
+        return next((props for props, sign in PROPS.items() if turns == [sign] * 4), "")
+
     def order_of(
         self, positions: Sequence[Sequence[float]], directions: Sequence[float]
     ) -> list[int]:

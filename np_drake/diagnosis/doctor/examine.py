@@ -440,16 +440,13 @@ def examine(
         for log in logs
     )
     own = [doubt for log in logs for doubt in law_doubts(log)]
-    wrong, limits = [], []
+    wrong, limits = list(as_lines(doubt for doubt in own if doubt.fails)), []
     for f in facts:
-        notes = f.imported.get("notes", ())
-        wrong += [f"{f.name}: {note}" for note in notes if note.startswith("no flight")]
         limits += [f"{f.name}: {note}" for note in f.notes if note.startswith(FITS)]
         if f.bridged > MOST_GAPS * f.rows:
             limits.append(f"{f.name}: {f.bridged / f.rows:.0%} of the rows were put into gaps")
         if f.saturated is not None and f.saturated > MOST_SATURATED:
             limits.append(f"{f.name}: a rotor is at its limit in {f.saturated:.0%} of the rows")
-    wrong += as_lines(doubt for doubt in own if doubt.fails)
     problems = wrong + limits
     long_enough = [log for log in logs if log.t[-1] - log.t[0] >= LEAST_DURATION]
     if not long_enough:

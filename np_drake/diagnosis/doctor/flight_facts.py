@@ -16,7 +16,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs import inputs, rotors
 from np_drake.logs.clock import FINEST, Lag, lag_of, state_lags
 from np_drake.logs.columns import LOOKS, UNLOGGED
-from np_drake.logs.formats.format import CLIPS, SAYS
+from np_drake.logs.formats.format import CLIPS, NO_FLIGHT, SAYS
 from np_drake.logs.importing.laws import (
     OPPOSED,
     SCALE,
@@ -136,7 +136,9 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         return [
             Doubt(log.name, f"{flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)
         ]
-    aside, failed, found = told_by_noise(own), failing(own), []
+    aside, failed = told_by_noise(own), failing(own)
+    no_flight = [note for note in log.notes if note.startswith(NO_FLIGHT)]
+    found = [Doubt(log.name, note, fails=True) for note in no_flight]
     clips = any(note.startswith(CLIPS) for note in log.notes)
     noisy = [law for law in aside if not (clips and law.startswith("velocity"))]
     lift = [law for law in failed if law.startswith("lift")]

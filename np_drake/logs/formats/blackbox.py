@@ -56,6 +56,7 @@ from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.vehicle.rotor_layout import FIRMWARE
 
 MOTOR = re.compile(r"motor\[\d\]")
+REVERSED = "yaw_motors_reversed"  # setting: 1 where the propellers turn out at the front
 # Delay of a low-pass at low frequencies, over 1 / (2 pi cutoff), by its type: PT1, biquad, PT2, PT3
 # [1]. Betaflight raises the cutoffs of the stages of the last two so that together they have the
 # one that is set.
@@ -180,7 +181,7 @@ def _inav_map(contents: Contents) -> LogMap:
 
 def motors(contents: Contents) -> Motors:
     """Return the motors of a log, and their layout, that of Betaflight's Quad X, where they are
-    four.
+    four; they turn as the header states, if it does.
     """
     told = getattr(contents, "parameters", {})
     columns = [name for name in contents.get("main", ()) if MOTOR.fullmatch(name)]
@@ -205,7 +206,17 @@ def motors(contents: Contents) -> Motors:
     ):  # written in hundreds of electrical revolutions a minute
         names = (indexed(f"main/{name}", 4) for name in ("eRPM", "eRPM(/100)"))
         speed = first_source(contents, names, unit="rpm", scale=200 / told["motor_poles"])
-    return Motors(throttle, speed, FIRMWARE["betaflight"])
+    layout = FIRMWARE["betaflight"]
+    turns = {0.0: 1.0, 1.0: -1.0}.get(told.get(REVERSED, np.nan), 0.0)
+    return Motors(
+        throttle,
+        speed,
+        dc.replace(
+            layout,
+            directions=tuple(turns * d for d in layout.directions),
+            source=f"{layout.source}, {REVERSED} {told[REVERSED]:g}" if turns else layout.source,
+        ),
+    )
 
 
 def _gyro_delay(told: dict[str, float]) -> float:
@@ -285,6 +296,7 @@ SCALES = (
     "acc_1G",
     "motorOutput",
     "motor_poles",
+    REVERSED,
 )
 PROTOCOLS = (
     "PWM",

@@ -83,7 +83,15 @@ def motors(contents: Contents) -> Motors:
         f"of a vehicle file push "
         "alike. Name one column as throttle in a map to take its collective.",
     )
-    outputs = _outputs(parameters) or list(range(1, CLASSES.get(frame, 4) + 1))
+    outputs = _outputs(parameters)
+    if not outputs:
+        outputs = list(range(1, CLASSES.get(frame, 4) + 1))
+        other = next((n for n in outputs if f"SERVO{n}_FUNCTION" in parameters), 0)
+        require(
+            not other,
+            f"no output drives a motor (SERVOn_FUNCTION 33 …), and output {other} has another "
+            "function. Name columns as throttle in a map.",
+        )
     streams = ("RCOU", "RCO2", "RCO3")
     columns = [  # empty: the output is not logged
         next((f"{s}/C{number}" for s in streams if f"C{number}" in contents.get(s, ())), "")

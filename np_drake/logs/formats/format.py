@@ -68,6 +68,7 @@ class Recording:
         return {name: tuple(stream.columns) for name, stream in self.streams.items()}
 
 
+NO_FLIGHT = "no flight: "  # beginning of a line on a log of which nothing can be identified
 SAYS = "the log says: "  # beginning of a line on what a vehicle says of itself
 CLIPS = f"{SAYS}the accelerometer clips"
 CUT = "the log ends within a message (cut off)"

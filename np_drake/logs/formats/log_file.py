@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from np_drake.flight_log import FlightLog
 from np_drake.logs import columns
 from np_drake.logs.columns import bridge_gaps, check_table, split_at_gaps
@@ -17,6 +19,7 @@ from np_drake.logs.formats.text_table import (
 )
 from np_drake.logs.import_sheet import read_sheet
 from np_drake.logs.importing.laws import check_units
+from np_drake.logs.importing.signals import DROPOUTS, Signal, without_zeros
 from np_drake.logs.inputs import WORDS, inputs_of
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet")  # of the formats
@@ -65,6 +68,11 @@ def read(path: str | Path) -> list[FlightLog]:
         part, bridged = bridge_gaps(part, fields)
         name = file if len(parts) == 1 else f"{file} part {number}"
         log = columns.assemble(part, fields, name)
+        if log.rotor is not None and "u" not in fields:
+            log.rotor, *missing = without_zeros(Signal(log.t, log.rotor))
+            gone = np.any(missing, axis=(0, 2))
+            bridged = bridged | gone
+            log.notes += [f"{DROPOUTS}: {gone.sum()} rows filled in"] * bool(gone.any())
         log.bridged = bridged if bridged.any() else None
         log.notes[:0] = [*split, *sheet.said]
         log.timing, log.layout, log.start = sheet.timing, sheet.rotors, sheet.start

@@ -16,6 +16,9 @@ import dataclasses as dc
 import functools
 import operator
 import re
+import shutil
+import sqlite3
+import tempfile
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -31,6 +34,7 @@ from np_drake.logs.formats.text_table import too_many_cells
 from np_drake.logs.importing.log_map import LogMap, Source
 
 MCAP, ROS1, SQLITE = b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3\0"  # first bytes of a file
+JOURNALS = ("-wal", "-journal")  # endings of what SQLite keeps beside a database that is open
 ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of a message that is compressed by itself
 FILES = (".mcap", ".db3", ".zstd")  # suffixes in the folder of a bag
 # Own choice; beyond them a file is made to fill the memory of its reader.
@@ -190,13 +194,6 @@ def _add_file(
 ) -> None:
     """Open a file of a bag; ValueError or what rosbags raises if it is none, or damaged."""
     note_input(path)
-    ahead = path.with_name(f"{path.name}-wal")
-    require(
-        not ahead.is_file() or not ahead.stat().st_size,
-        f"{path}: must hold what lies in {ahead.name}, which its recorder left as it was "
-        f"killed. Run `sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'`.",
-        LogError,
-    )
     require(
         path.suffix != ".zstd",
         f"{path}: must be no compressed file. Unpack it with `unzstd`.",
@@ -204,6 +201,10 @@ def _add_file(
     )
     with path.open("rb") as file:
         start = file.read(16)
+    beside = (path.with_name(path.name + end) for end in JOURNALS if start.startswith(SQLITE))
+    if journals := [file for file in beside if file.is_file() and file.stat().st_size]:
+        path = stack.enter_context(_completed(path, journals))
+        bag.notes += [f"what its recorder left in {file.name} is read with it" for file in journals]
     bag.ros1 = start.startswith(ROS1)
     kind = next((reader for magic, reader in readers.items() if start.startswith(magic)), None)
     if kind is None:
@@ -217,6 +218,21 @@ def _add_file(
         for entries in storage.indexes.values():
             entries.sort(key=lambda entry: (entry.chunk_pos, entry.offset))
     bag.storages.append(storage)
+
+
+@contextlib.contextmanager
+def _completed(path: Path, journals: Iterable[Path]) -> Iterator[Path]:
+    """Yield a copy of a database with what lies in its journals; the bag stays as its recorder has
+    it.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        for file in (path, *journals):
+            note_input(file)
+            shutil.copyfile(file, Path(folder, file.name))
+        copy = Path(folder, path.name)
+        with contextlib.closing(sqlite3.connect(copy)) as database:
+            database.execute("PRAGMA journal_mode = DELETE")  # takes them in
+        yield copy
 
 
 def _find_topics(bag: _Bag) -> None:

@@ -24,6 +24,7 @@ from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats import dataflash, ulog
 from np_drake.logs.formats.format import (
     CUT,
+    NO_FLIGHT,
     Contents,
     Format,
     Motors,
@@ -156,8 +157,11 @@ def _columns(kind: Any) -> list[str]:
 
 
 def _contents(path: Path) -> Contents:
-    """Return the messages and their columns; those of motors that never change are left out."""
+    """Return the messages and their columns; outputs that never change are left out, but of
+    ArduPilot, whose parameters number the motors.
+    """
     log = _Log(path)
+    parameters = _parameters(log)
     found: dict[str, tuple[str, ...]] = {}
     for name, number in log.names.items():
         kind = log.library.mavlink_map[number]
@@ -169,9 +173,13 @@ def _contents(path: Path) -> Contents:
         for instance in np.unique(rows[:, 0]):
             own = rows[rows[:, 0] == instance, 1:]
             moves = np.ptp(own, axis=0) > 0
-            kept = moves if name == "SERVO_OUTPUT_RAW" else np.ones(len(columns), bool)
+            kept = moves | (name != "SERVO_OUTPUT_RAW" or _is_ardupilot(parameters))
             found[f"{name}.{instance:g}"] = tuple(np.array(columns)[kept].tolist())
-    return Scanned(found, _parameters(log), cut=log.cut)
+    return Scanned(found, parameters, cut=log.cut)
+
+
+def _is_ardupilot(parameters: Mapping[str, float]) -> bool:
+    return AUTOPILOTS.get(int(parameters.get("MAV_AUTOPILOT", 0))) == "ArduPilot"
 
 
 def _parameters(log: _Log) -> dict[str, float]:
@@ -251,7 +259,7 @@ def motors(contents: Contents) -> Motors:
     Raises: ValueError: as that of its own log.
     """
     parameters = getattr(contents, "parameters", {})
-    ardupilot = AUTOPILOTS.get(int(parameters.get("MAV_AUTOPILOT", 0))) == "ArduPilot"
+    ardupilot = _is_ardupilot(parameters)
     names: dict[str, str] = {}  # of the columns here, by those in the autopilot's own log
     for name in (
         f"{stream}/{column}" for stream, columns in contents.items() for column in columns
@@ -277,7 +285,7 @@ def default_map(contents: Contents) -> LogMap | None:
     """Return the map of MAVLink's names (NED, FRD); None without attitude and a motion, or an
     inertial sensor.
 
-    Raises: ValueError: as `motors`.
+    Raises: ValueError: as `motors`, or if no output moves.
     """
     first = partial(first_source, contents)
     quaternion, angles = [f"ATTITUDE_QUATERNION/q{i}" for i in "1234"], ("roll", "pitch", "yaw")
@@ -301,6 +309,12 @@ def default_map(contents: Contents) -> LogMap | None:
         or first([["ATTITUDE_TARGET/thrust"]])
         or first([["VFR_HUD/throttle"]], unit="percent"),
         voltage=first([["SYS_STATUS/voltage_battery"]], unit="mV"),
+    )
+    still = [name for name, columns in contents.items() if not columns]
+    require(
+        found.throttle or found.rotor_speed or not still,
+        f"{NO_FLIGHT}the motors do not carry the vehicle; no output of {' and '.join(still)} ever "
+        "changes. Bring the log of a flight.",
     )
     return found if found.tells_motion else None
 

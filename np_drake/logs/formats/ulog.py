@@ -11,18 +11,20 @@ import dataclasses as dc
 import io
 import itertools
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from np_drake.checks import require
+from np_drake.logs.columns import LEAST_ROWS
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import (
     COUNTED,
     CUT,
     FEW_CLIPS,
+    NO_FLIGHT,
     Contents,
     Format,
     Motors,
@@ -43,6 +45,7 @@ ROTOR_COLUMN = re.compile(r"(esc\[\d+\]\.esc_rpm|control\[\d+\]|output\[\d+\])")
 FUNCTION = re.compile(r"([A-Z0-9_]+)_FUNC(\d+)")  # of an output
 FIRST_MOTOR = 101  # function of an output, or of a speed controller, that is motor 1
 MOST_MOTORS = 12
+MAIN = "PWM_MAIN"  # group whose driver PX4 starts before those of others: the first stream is its
 BY_TYPE = {2: 4, 13: 6, 14: 8}  # rotors by MAV_TYPE
 DSHOT_TIMERS = range(-5, -1)  # PWM_MAIN_TIMn of DShot 150 to 1200
 ENDS = {
@@ -62,16 +65,15 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
     parameters: Parameters = getattr(contents, "parameters", {})
     rates = getattr(contents, "rates", {})
     values = getattr(contents, "values_of", {})
-    outputs = {name for name in contents if name.partition(".")[0] == "actuator_outputs"}
-    lifts = {name for name in outputs if values.get(f"{name}/{LIFTS}", 0.0) > LIFTING}
-    others = outputs - (lifts or outputs)
     fast = {
-        name: columns
-        for name, columns in contents.items()
-        if rates.get(name, np.inf) >= slowest and name not in others
+        name: columns for name, columns in contents.items() if rates.get(name, np.inf) >= slowest
     }
     lifting = _lifting(parameters)
-    throttle = _motor_throttle(fast, parameters, lifting)
+    throttle = _motor_throttle(fast, parameters, lifting) or _outputs(
+        contents, parameters, values, lifting
+    )
+    if any(column.partition("/")[0] not in fast for column in throttle.columns):
+        throttle = Source()
     count = len(lifting) if lifting else len(throttle.columns)
     speed = Source() if count > 4 else _rotor_speed(fast, values, lifting)
     notes = (
@@ -105,76 +107,83 @@ def _lifting(parameters: Parameters) -> list[int]:
 
 
 def _motor_throttle(contents: Contents, parameters: Parameters, lifting: Sequence[int]) -> Source:
-    """Return the throttle of every motor: as it is allocated, else as it is put out."""
+    """Return the throttle of every motor, as it is allocated."""
     moving = [c for c in contents.get("actuator_motors", ()) if ROTOR_COLUMN.fullmatch(c)]
     wanted = [f"control[{n}]" for n in lifting]
     columns = wanted if wanted and set(wanted) <= set(moving) else [] if wanted else moving
-    if len(columns) in SIZES["throttle"][1:]:
-        return Source([f"actuator_motors/{c}" for c in columns], "1")
-    return _outputs(contents, parameters, lifting)
+    many = len(columns) in SIZES["throttle"][1:]
+    return Source([f"actuator_motors/{c}" for c in columns] if many else [], "1")
 
 
-def _outputs(contents: Contents, parameters: Parameters, lifting: Sequence[int]) -> Source:
-    """Return the outputs of the motors by their functions, else those that move if they are as many
-    as motors.
+def _outputs(
+    contents: Contents, parameters: Parameters, values: Mapping[str, float], lifting: Sequence[int]
+) -> Source:
+    """Return the outputs of the motors by their functions; where none states its function, those
+    that move if they are as many as motors.
     """
     streams = {
         name: [c for c in columns if ROTOR_COLUMN.fullmatch(c)]
         for name, columns in contents.items()
         if name.partition(".")[0] == "actuator_outputs"
     }
-    functions = _functions(parameters)
-    if functions:
-        chosen = [functions[n] for n in lifting or sorted(functions) if n in functions]
-        found = _by_function(streams, chosen) if len(chosen) == len(lifting or functions) else []
-        if len(found) not in SIZES["throttle"][1:]:
-            return Source()
-        return Source(found, **_unit(parameters, chosen))
-    for name, columns in streams.items():
+    used = _functions(parameters)
+    if used:
+        motors = {f - FIRST_MOTOR: output for output, f in reversed(used.items())}
+        chosen = [motors[n] for n in lifting or range(MOST_MOTORS) if n in motors]
+        whole = len(chosen) in SIZES["throttle"][1:] and len(chosen) == len(lifting or chosen)
+        found = _by_function(streams, chosen, used, values) if whole else []
+        return Source(found, **_unit(parameters, chosen)) if found else Source()
+    lifts = {n: c for n, c in streams.items() if values.get(f"{n}/{LIFTS}", 0.0) > LIFTING}
+    for name, columns in (lifts or streams).items():
         if len(columns) in SIZES["throttle"][1:] and len(columns) == (len(lifting) or 4):
             return Source([f"{name}/{c}" for c in columns], **_unit(parameters, []))
     return Source()
 
 
-def _functions(parameters: Parameters) -> dict[int, tuple[str, int]]:
-    """Return by motor, from 0, the group of outputs that drives it and the number of the output,
-    from 1.
-    """
+Output = tuple[str, int]  # group of outputs, and number in it, from 1
+
+
+def _functions(parameters: Parameters) -> dict[Output, int]:
+    """Return the functions of the outputs that have one."""
     matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
-    found = [
-        (int(value) - FIRST_MOTOR, (match[1], int(match[2])))
-        for match, value in matches
-        if match and FIRST_MOTOR <= value < FIRST_MOTOR + MOST_MOTORS
-    ]
-    return dict(reversed(found))  # the first of a motor
+    return {(match[1], int(match[2])): int(value) for match, value in matches if match and value}
 
 
 def _by_function(
-    streams: Mapping[str, Sequence[str]], chosen: Sequence[tuple[str, int]]
+    streams: Mapping[str, Sequence[str]],
+    chosen: Sequence[Output],
+    used: Collection[Output],
+    values: Mapping[str, float],
 ) -> list[str]:
-    """Return the columns of outputs; each group of them is one stream, that in which all of its
-    outputs move.
+    """Return the columns of outputs. Each group of them is one stream: in which its motors move,
+    and of several such that which lifts the vehicle, in which no output without a function moves,
+    or that which is numbered as the group.
 
     Raises: ValueError: if several streams can be a group.
     """
+    first = any(group == MAIN for group, _ in used)
     stream_of: dict[str, str] = {}
     for group in dict.fromkeys(group for group, _ in chosen):
-        wanted = {f"output[{number - 1}]" for own, number in chosen if own == group}
-        able = [
-            n
-            for n, columns in streams.items()
-            if wanted <= set(columns) and n not in stream_of.values()
-        ]
-        exact = [n for n in able if wanted == set(streams[n])]
+        wanted, known = (
+            {f"output[{number - 1}]" for own, number in outputs if own == group}
+            for outputs in (chosen, used)
+        )
+        able = [n for n in streams if wanted <= set(streams[n]) and n not in stream_of.values()]
+        for likely in (
+            [n for n in able if values.get(f"{n}/{LIFTS}", 0.0) > LIFTING],
+            [n for n in able if set(streams[n]) <= known],
+            [n for n in able if first and ("." in n) == (group != MAIN)],
+        ):
+            able = likely or able
         require(
-            len(able) <= 1 or len(exact) == 1,
+            len(able) <= 1,
             f"{' and '.join(able)} must tell which is {group}; the outputs of its "
             f"motors move in each. Name the "
             "columns of throttle in a map.",
         )
         if not able:
             return []
-        stream_of[group] = (exact or able)[0]
+        stream_of[group] = able[0]
     return [f"{stream_of[group]}/output[{number - 1}]" for group, number in chosen]
 
 
@@ -248,6 +257,7 @@ MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
 LONGEST_DELAY = 1_000_000  # of a message; beyond, timestamp_sample means something else [us]
 PROBED = ("esc_status", "actuator_motors", "actuator_outputs")  # their unused columns are left out
 STILL = 0.1  # changes over those of the liveliest, up to which an output is no motor; own choice
+MOVES = "moves"  # in place of a column: changes of the liveliest of its outputs
 LIFTS = "lifts"  # in place of a column: correlation of its outputs with the collective thrust
 LIFTING = 0.5  # correlation from which outputs are those of motors, not of a gimbal [1]; own choice
 COLLECTIVE = (  # setpoints of the collective thrust, and the sign of it in each
@@ -421,6 +431,8 @@ def _contents(path: Path) -> Contents:
                 for c in columns
                 if ROTOR_COLUMN.fullmatch(c)
             }
+            if moves and len(t) >= LEAST_ROWS:
+                values[f"{name}/{MOVES}"] = float(max(moves.values()))
             least = STILL * max(moves.values(), default=0)
             columns = [c for c in columns if moves.get(c, np.inf) > least]
             outputs = [data.data[c].astype(float) for c in columns if c in moves]
@@ -653,7 +665,7 @@ def _default_map(contents: Contents) -> LogMap | None:
     Hz or more, else collective, else that of motors of another number or however slow. Torque
     setpoints are normalised and have no unit: they are left out. The velocity of an external vision
     is taken to be in body axes, as MAVLink's ODOMETRY has it.
-    Raises: ValueError: if outputs move and nothing says which are motors.
+    Raises: ValueError: if no motor moves, or outputs do and nothing says which are motors.
     """
     position, velocity, odometry = _position(contents)
     fast = motors(contents, SLOWEST_ROTORS)
@@ -688,7 +700,14 @@ def _default_map(contents: Contents) -> LogMap | None:
     )
     if not found.tells_motion:
         return None
-    for name, columns in contents.items() if not (found.throttle or found.rotor_speed) else ():
+    values, driven = getattr(contents, "values_of", {}), found.throttle or found.rotor_speed
+    still = [name for name in contents if values.get(f"{name}/{MOVES}", 1.0) == 0]
+    require(
+        "actuator_motors" not in still and (driven or not still),
+        f"{NO_FLIGHT}the motors do not carry the vehicle; no column of {' and '.join(still)} ever "
+        "changes. Bring the log of a flight.",
+    )
+    for name, columns in contents.items() if not driven else ():
         moving = sum(bool(ROTOR_COLUMN.fullmatch(column)) for column in columns)
         require(
             name.partition(".")[0] not in ("actuator_motors", "actuator_outputs") or not moving,

@@ -18,6 +18,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import (
     CLIPS,
     CUT,
+    NO_FLIGHT,
     SAYS,
     Contents,
     Format,
@@ -43,6 +44,7 @@ from np_drake.logs.importing.laws import SCALE, failing
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source, convert_quantity
 from np_drake.logs.importing.parts import FITS, Part, imported_parts, require_a_flight
 from np_drake.logs.importing.signals import (
+    LOST,
     TICKS,
     Signal,
     Signals,
@@ -348,7 +350,8 @@ def import_log(
         flight.start += beside.start
     end = flights[-1].start + flights[-1].t[-1]
     told = [*recording.said, *_said_by(recording, origin, end), *said, *told]
-    standing = tuple(line for line in [*told, *notes] if line.startswith((FITS, SAYS, TICKS)))
+    against = (FITS, NO_FLIGHT, SAYS, TICKS, *LOST)
+    standing = tuple(line for line in [*told, *notes] if line.startswith(against))
     derived = tuple(flights[0].notes)
     for flight in flights:
         flight.notes += standing
@@ -382,16 +385,13 @@ def _map_for(
         "vehicle.",
         LogError,
     )
-    motors = Motors()
+    own, motors = None, Motors()
     try:
-        own = (
-            known.default_map(contents)
-            if given is log_map is None or isinstance(log_map, MapFile)
-            else None
-        )
+        if given is log_map is None or isinstance(log_map, MapFile):
+            own, motors = _by_own_names(known, contents, given)
         found = log_map.over(own) if isinstance(log_map, MapFile) else log_map or own
         if own is not None and found is not None:
-            motors = _motors_of(known.motors(contents), found)
+            motors = _motors_of(motors, found)
             told = isinstance(log_map, MapFile) and "unit" in log_map.named.get("throttle", ())
             motors = dc.replace(
                 motors, unit=motors.unit or told or found.throttle != motors.throttle
@@ -410,6 +410,26 @@ def _map_for(
             f"hold. {GIVE_MAP}.{looks(contents, 'qpvwau') or f' It has {names[:200]} …'}"
         )
     return known, contents, found.check(), motors
+
+
+def _by_own_names(
+    known: Format, contents: Contents, given: LogMap | None
+) -> tuple[LogMap | None, Motors]:
+    """Return the map and the motors that a format's own names tell.
+
+    Where these do not tell the motors, and a map file names them, its streams of them are not read.
+    Raises: ValueError: as `default_map` of the format, where no map file names them.
+    """
+    try:
+        own = known.default_map(contents)
+        return own, known.motors(contents) if own is not None else Motors()
+    except ValueError:
+        sources = (given.thrust, given.throttle, given.rotor_speed) if given else ()
+        named = {re.split(r"[./]", c)[0] for source in sources for c in source.columns}
+        if not named:
+            raise
+        rest = {n: columns for n, columns in contents.items() if n.partition(".")[0] not in named}
+        return known.default_map(rest), Motors()
 
 
 def _motors_of(motors: Motors, log_map: LogMap) -> Motors:

@@ -11,6 +11,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import on_one_clock
 from np_drake.logs.columns import LEAST_ROWS, LONGEST_GAP
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import NO_FLIGHT
 from np_drake.logs.importing.alignment import (
     COMMANDS,
     Aligned,
@@ -81,7 +82,7 @@ RANGES = {  # of nearly all values in flight
     "throttle": (-0.05, 1.5),  # [1]; own choice: trimmed and overdriven motors stay inside
     "hover_throttle": (0.02, 1.5),  # [1]; own choice
     "rotor_speed": (-np.inf, FASTEST_ROTOR),  # [rad/s]
-    "voltage": (0.5, 1000.0),  # [V]; own choice: from one cell to what no vehicle has
+    "voltage": (-np.inf, 1000.0),  # [V]; own choice: what no vehicle has
 }
 
 
@@ -132,14 +133,16 @@ def require_a_flight(log_map: LogMap, path: str, looks: Callable[[str], str]) ->
     )
     for named, what, fields in needs:
         if not named:
-            raise LogError(f"{path}: the map must name columns of {what}{looks(fields)}")
+            whose = "its own names, or a map (--map FILE), must tell columns"
+            raise LogError(f"{path}: {whose} of {what}{looks(fields)}")
 
 
 FITS = "fits "  # beginning of a note that not all of a log is taken
+RESTS = 0.8  # share of readings equal to the one before from which motors idle [1]; own choice
 
 
-# Below which rotors stand [rad/s, N, 1]; own choice.
-IDLE = {"rotor_speed": 10.0, "thrust": 0.0, "throttle": 0.05}
+# Below which rotors stand [N, 1, rad/s]; own choice. Commands count before speeds.
+IDLE = {"thrust": 0.0, "throttle": 0.05, "rotor_speed": 10.0}
 # deviation of the time at which a row's command acts, over the interval of the command [1]
 UNCERTAIN = {
     "held_after": 0.0,
@@ -177,7 +180,7 @@ def import_part(
         usual: lift in the flights of the longest part, as of `lift_of`; 0: not known.
     Raises: LogError: if its signals do not overlap, or are in another unit.
     """
-    carried = flies(signals, log_map)
+    carried = not no_flight(signals, log_map)
     signals, log_map, lacks, derived = with_whole_motion(signals, log_map)
     aligned = align(signals, log_map, path)
     aligned = dc.replace(aligned, notes=(*derived, *aligned.notes))
@@ -194,20 +197,24 @@ def import_part(
     )
 
 
-def flies(signals: Signals, log_map: LogMap) -> bool:
-    """Return whether the vehicle moves sideways at all and the rotors ever turn; True where the log
-    does not tell.
+def no_flight(signals: Signals, log_map: LogMap) -> str:
+    """Return why a part is no flight; empty: it is one, as far as the log tells.
+
+    A vehicle that is carried by hand moves while its motors stand or idle: what holds a vehicle in
+    the air never rests.
     """
     told = next(name for name in ("position", "velocity", "acceleration") if name in signals)
     across = np.ptp(signals[told].values, axis=0)
     if not np.any(across[:2] > 0):
-        return False
+        return "position stays"
     for name, least in IDLE.items():
         if name in signals:
-            values = convert_quantity(name, signals[name].values, log_map)
+            values = convert_quantity(name, signals[name].renewed.values, log_map)
             size = np.abs(values.mean(axis=1))  # the check of conventions asks for the sign
-            return float(np.percentile(size, 90)) > least
-    return True
+            rests = np.mean(np.diff(size[size > least]) == 0) if (size > least).sum() > 1 else 1.0
+            carry = float(np.percentile(size, 90)) > least and rests < RESTS
+            return "" if carry else "the motors do not carry the vehicle"
+    return ""
 
 
 def lift_of(values: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -321,9 +328,9 @@ def imported_parts(
     Raises: WrongConventions, LogError: if that of the longest part that fails, where none holds a
         flight.
     """
-    moving = [flies(signals, log_map) for signals in parts]
+    grounds = [no_flight(signals, log_map) for signals in parts]
     by_length = sorted(
-        range(len(parts)), key=lambda k: (not moving[k], -np.ptp(clock_of(parts[k]).t))
+        range(len(parts)), key=lambda k: (bool(grounds[k]), -np.ptp(clock_of(parts[k]).t))
     )
     parts, log_map, said = on_one_clock(parts, parts[by_length[0]], log_map)
     done: dict[int, Part] = {}
@@ -331,7 +338,7 @@ def imported_parts(
     usual = 0.0
     for k in by_length:
         span = f"the part from {clock_of(parts[k]).t[0] - origin:.2f} s on"
-        if done and not moving[k]:
+        if done and grounds[k]:
             said.append(f"{span} is no flight; left out")
             continue
         try:
@@ -360,8 +367,8 @@ def imported_parts(
     if max(done) < len(parts) - 1 and not any(line.startswith(FITS) for line in said):
         end = done[max(done)].aligned.t[-1] - origin
         said.append(f"{FITS}until {end:.1f} s; what follows is left out")
-    if not moving[by_length[0]]:
-        said.insert(0, "no flight: position stays, or the rotors stand; nothing can be identified")
+    if why := grounds[by_length[0]]:
+        said.insert(0, f"{NO_FLIGHT}{why}; nothing can be identified")
     return log_map, [done[k] for k in sorted(done)], said
 
 
@@ -371,7 +378,7 @@ def _fitting(
     """Return the map, what of a part agrees with it, with the verdict, and a line where that is not
     all of it.
     """
-    verdict = judged(signals, log_map, path) if flies(signals, log_map) else Verdict({}, ())
+    verdict = Verdict({}, ()) if no_flight(signals, log_map) else judged(signals, log_map, path)
     disturbed = any(misfit > DOUBTED for misfit in verdict.misfits.values()) and not verdict.changes
     said: list[str] = []
     if stretch := fitting_stretch(signals, log_map, verdict) if disturbed else None:

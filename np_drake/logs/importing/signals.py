@@ -15,7 +15,7 @@ from np_drake.logs.columns import LARGEST, LEAST_ROWS
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
 from np_drake.logs.importing.laws import stretches
-from np_drake.logs.importing.log_map import UNITS, LogMap, Source
+from np_drake.logs.importing.log_map import UNITS, LogMap, Source, convert_quantity
 
 # Rate of rotor speed, of the throttle of each motor, and of torque, below which they are no input:
 # what turns the vehicle is faster. Source: own choice.
@@ -203,6 +203,9 @@ OPTIONAL = (
     "commanded_rates",
 )  # of which a few samples are as good as none
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
+# Of a battery that carries a vehicle [V]; own choice: a lithium cell is empty at 2.5 V, and sags.
+LEAST_VOLTAGE = 2.0
+MOST_DEAD = 0.5  # share of readings below it from which none is a battery's [1]; own choice
 
 
 def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
@@ -215,10 +218,18 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
     ticks: dict[float, list[str]] = {}
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
-        dead = np.count_nonzero(signal.values <= 0) if name == "voltage" else 0
-        if dead:
-            signal.values[signal.values <= 0] = np.nan
-            notes.append(f"voltage: {dead} readings of 0 V, on which nothing flies, left out")
+        if name == "voltage":
+            dead = convert_quantity(name, signal.values, log_map)[:, 0] < LEAST_VOLTAGE
+            most = dead.sum() > MOST_DEAD * len(dead)
+            if dead.any():
+                notes.append(
+                    f"voltage: {dead.sum()} of {len(dead)} readings are below {LEAST_VOLTAGE:g} V, "
+                    f"on which nothing flies (no power module, or another unit); "
+                    f"{'all' if most else 'these'} left out"
+                )
+            if most:
+                continue
+            signal = Signal(signal.t[~dead], signal.values[~dead])
         signal, reasons = _cleaned(
             signal, quaternion=name == "attitude" and len(source.columns) == 4
         )
@@ -226,10 +237,6 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
             notes.append(f"{name}: rows left out: {reasons}")
         if signal.tick:
             ticks.setdefault(signal.tick, []).append(name)
-        if name == "rotor_speed" and len(signal.t) > 1:
-            signal, zeros = without_zeros(signal)
-            if zeros:
-                notes.append(f"rotor_speed: {zeros} readings that no rotor has left out")
         if name in STATE and len(signal.t) >= LEAST_ROWS and len(signal.renewed.t) < len(signal.t):
             share, signal = len(signal.renewed.t) / len(signal.t), signal.renewed
             notes.append(
@@ -248,6 +255,8 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
                 f"{', '.join(source.columns)}{left}."
             )
         signals[name] = signal
+    if "rotor_speed" in signals:
+        notes += _without_dropouts(signals, log_map, recording.path)
     for tick, names in ticks.items():
         head = TICKS if tick > LONG_TICK else "times are rounded to "
         said = f"{head}{1e3 * tick:.3g} ms: {', '.join(names)}; taken as an uncertainty of time"
@@ -343,6 +352,9 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
             )
 
 
+LOST = ("voltage: ", "rotor_speed: ")  # beginnings of lines on readings that are left out
+DROPOUTS = "readings of no rotor in flight (0, where an ESC drops out)"
+MOST_MISSING = 0.1  # share of rows from which rotor speed is no input [1]; own choice
 LONGEST_ZERO = 0.1  # in which no rotor stops and turns again [s]; own choice
 # speed over the median beyond which a reading is none: sixteen times its thrust [1]; own choice
 GLITCH = 4.0
@@ -364,28 +376,74 @@ HELD = (
 COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
 
 
-def without_zeros(own: Signal) -> tuple[Signal, int]:
-    """Return rotor speeds without readings that no rotor has, and how many they are.
+def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) -> list[str]:
+    """Take readings that no rotor has out of the rotor speeds, or these where much is missing and
+    throttle or thrust takes their place. Return a line on it, or none.
+    Raises: LogError: if too few are left, and nothing takes their place.
+    """
+    own = signals["rotor_speed"]
+    name = next((name for name in ("thrust", "throttle") if name in signals), "")
+    level = None
+    if name:
+        command = signals[name]
+        values = np.abs(convert_quantity(name, command.values, log_map).mean(axis=1))
+        level = np.interp(own.t, command.t, values)
+    found, bridged, lost = without_zeros(own, level)
+    rows = lost.any(axis=1)
+    if name and rows.mean() > MOST_MISSING:
+        del signals["rotor_speed"]
+        return [f"rotor_speed: {DROPOUTS} in {rows.mean():.0%} of the rows; left out"]
+    require(
+        np.sum(~rows) >= LEAST_ROWS,
+        f"{path}, rotor_speed: must be that of turning rotors; {DROPOUTS} in {rows.mean():.0%} of "
+        "the rows. Log throttle as well.",
+        LogError,
+    )
+    signals["rotor_speed"] = dc.replace(own, t=own.t[~rows], values=found[~rows])
+    counts = {"readings bridged": bridged.sum(), "rows left out": rows.sum()}
+    said = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    return [f"rotor_speed: {DROPOUTS}: {said}"] if said else []
+
+
+def without_zeros(
+    own: Signal, level: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return rotor speeds (n, k) with those interpolated that no rotor has, and which (n, k) were
+    missing shortly, and which for long.
 
     A rotor does not stop, or turn `GLITCH` times as fast as it usually does, and turn again within
-    `LONGEST_ZERO`: these are interpolated. Rows of longer ones are left out where the others carry.
+    `LONGEST_ZERO`; for longer not where the vehicle flies: another rotor or the command carries. It
+    slows down before it stops, and may have stopped where it stands to the end (`stopped_rotor`).
+
+    Args:
+        level: (n,) throttle or thrust, in any unit.
     """
-    values, count, lost = own.values.copy(), 0, np.zeros(len(own.t), bool)
-    carried = _shares(values)[1]
-    for column in values.T:
-        bad = np.zeros(len(column), bool)
+    values = own.values.copy()
+    bridged, lost = np.zeros((2, *values.shape), bool)
+    share, carried = _shares(values)
+    flies = np.max(share, axis=1) > CARRIES
+    if level is not None:
+        flies |= level > 0.5 * np.median(level[level >= 0.5 * np.percentile(level, 95)])
+    for column, short, long in zip(values.T, bridged.T, lost.T, strict=True):
         usual = float(np.median(column[column > 0])) if (column > 0).any() else np.inf
         for start, stop in stretches((column == 0) | (column > GLITCH * usual)):
-            if start == 0 or stop == len(column):
+            around = [column[k] for k in (start - 1, stop) if 0 <= k < len(column)]
+            if min(around, default=np.inf) < STOPS * usual:  # it slows down
                 continue
-            short = own.t[stop] - own.t[start - 1] <= max(LONGEST_ZERO, 2.5 * own.step)
-            bad[start:stop] = short
-            lost[start:stop] |= carried[start:stop] & (not short)
-        if bad.any():
-            column[bad] = np.interp(own.t[bad], own.t[~bad], column[~bad])
-            count += int(bad.sum())
-    count += int(lost.sum())
-    return dc.replace(own, t=own.t[~lost], values=values[~lost]), count
+            inside = len(around) == 2
+            before, after = own.t[max(start - 1, 0)], own.t[min(stop, len(column) - 1)]
+            brief = after - before <= max(LONGEST_ZERO, 2.5 * own.step)
+            may_stop = stop == len(column) and start > 0 and carried[start:].any()
+            short[start:stop] = brief and inside
+            long[start:stop] = (
+                not (brief and inside)
+                and (brief or not may_stop)
+                and np.mean(flies[start:stop]) > 0.5
+            )
+        good = ~(short | long)
+        if good.any():
+            column[~good] = np.interp(own.t[~good], own.t[good], column[good])
+    return values, bridged, lost
 
 
 def stopped_rotor(own: Signal) -> tuple[float, int] | None:

@@ -11,7 +11,9 @@ from diagrams.cli.main import run
 from np_drake.files.yaml_file import load_checked
 from np_drake.logs.formats.log_file import read, write_log
 from np_drake.logs.formats.text_table import write_csv
+from np_drake.logs.import_sheet import Sheet, write_sheet
 from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle.rotor_layout import FIRMWARE
 
 NAME = "crazyflie_brushless"
 TRUE = load_vehicle(NAME)
@@ -130,6 +132,22 @@ def test_logs_without_a_vehicle_file_are_identified_by_four_measures(folder, cap
     assert "leave --order out" in refusal(capsys, log, *GUESS, "--order", "px4")
     missing = refusal(capsys, log, *measures[2:])
     assert "give --vehicle FILE, or --wheelbase as well" in missing
+
+
+def test_propellers_turn_as_the_log_states_and_no_option_contradicts_it(folder, capsys, tmp_path):
+    (short,) = read(folder / "short.csv")
+    path, stated = tmp_path / "out.csv", FIRMWARE["crazyflie"]
+    out = dc.replace(stated, directions=tuple(-d for d in stated.directions))
+    write_log(short, path)
+    write_sheet(Sheet(rotors=out), path)
+    frame = "--wheelbase 0.09 --propeller 0.05 --order crazyflie --mass 0.04".split()
+    for option in ([], ["--props", "out"]):  # read, and too short
+        assert "needs a flight of 3 s" in refusal(capsys, path, *frame, *option)
+    said = refusal(capsys, path, *frame, "--props", "in")
+    assert said.endswith(
+        f"--props in: the propellers of out turn out at the front ({out.source}). "
+        "Leave --props out."
+    )
 
 
 def test_a_collective_command_gives_its_map_and_says_what_needs_rotors(folder, capsys, tmp_path):

@@ -12,6 +12,7 @@ from np_drake import attitude
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox import BLACKBOX
 from np_drake.logs.importing.import_log import Imported, import_log
+from np_drake.vehicle.rotor_layout import FIRMWARE
 from tests.np_drake.diagnosis.simulated_flights import fly
 from tests.np_drake.logs.formats import blackbox_writer as writer
 
@@ -98,6 +99,15 @@ def test_the_voltage_is_in_the_unit_of_its_version(log, version, scale):
     dut = BLACKBOX.default_map(contents(log, "vbatLatest", settings=settings))
     assert dut is not None
     assert (dut.voltage.scale if dut.voltage else None) == scale
+
+
+@pytest.mark.parametrize(("value", "props"), [("0", "in"), ("1", "out"), (None, "")])
+def test_the_header_states_which_way_the_propellers_turn(log, value, props):
+    settings = {} if value is None else {"yaw_motors_reversed": value}
+    dut = BLACKBOX.motors(contents(log, *MOTORS, settings=settings)).layout
+    assert dut is not None
+    assert dut.props == props
+    assert dut.positions == FIRMWARE["betaflight"].positions
 
 
 def test_inav_tells_north_east_up_and_a_yaw_to_the_right(log):

@@ -70,6 +70,16 @@ def test_without_a_command_thrust_comes_from_rotor_speed(flight, tmp_path):
     assert any("rotor_speed" in note for note in dut.notes)
 
 
+def test_zeros_of_an_esc_in_flight_are_filled_in_and_do_not_count(flight, tmp_path):
+    rotor = np.full((len(flight), 4), 800.0)
+    rotor[20:22, 0] = rotor[50:80, 2] = 0.0
+    write_log(dc.replace(flight, rotor=rotor, input="rotor_speed"), tmp_path / "made.csv")
+    dut = read_flights(tmp_path / "made.csv")[0]
+    np.testing.assert_array_equal(dut.rotor, 800.0)
+    np.testing.assert_array_equal(np.flatnonzero(dut.in_gap), [20, 21, *range(50, 80)])
+    assert dut.notes[-1].endswith("32 rows filled in")
+
+
 def test_no_command_and_no_way_to_one_is_refused(flight, tmp_path):
     write_log(dc.replace(flight, input="rotor_speed"), tmp_path / "made.csv")
     table = text_table.read_csv(tmp_path / "made.csv").columns

@@ -1,5 +1,7 @@
 """ROS bags: round trips in all storages, clocks, types, maps, damage."""
 
+import contextlib
+import sqlite3
 from functools import partial
 from pathlib import Path
 
@@ -170,11 +172,26 @@ def test_of_a_bag_that_is_cut_the_remedy_is_named(tmp_path: Path, name: str):
     assert "\n" not in str(found.value)
 
 
-def test_a_write_ahead_file_beside_a_bag_is_to_be_merged(tmp_path: Path):
-    ros_writer.write(tmp_path / "a.db3", flight())
-    (tmp_path / "a.db3-wal").write_bytes(b"x")
-    with pytest.raises(LogError, match=r"a\.db3: must hold .*wal_checkpoint"):
-        ROS.contents(tmp_path / "a.db3")
+@pytest.mark.parametrize("beside", ["-wal", "-journal"])
+def test_what_sqlite_has_in_an_open_journal_is_read(tmp_path: Path, beside: str):
+    path = tmp_path / "a.db3"
+    ros_writer.write(path, flight())
+    with contextlib.closing(sqlite3.connect(path)) as recorder:
+        recorder.execute(f"PRAGMA journal_mode = {'WAL' if beside == '-wal' else 'DELETE'}")
+        recorder.execute("PRAGMA cache_size = 1")  # pages spill into the file
+        recorder.execute("CREATE TABLE later AS SELECT * FROM messages")
+        recorder.execute("DELETE FROM messages")
+        if beside == "-wal":
+            recorder.commit()
+            recorder.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            recorder.execute("INSERT INTO messages SELECT * FROM later")
+            recorder.commit()
+        before = path.read_bytes()
+        assert (tmp_path / f"a.db3{beside}").stat().st_size
+        recording = read(path)
+        assert path.read_bytes() == before
+    assert_holds(recording, flight())
+    assert any(f"left in a.db3{beside} is read" in note for note in recording.notes)
 
 
 def test_a_damaged_chunk_ends_reading_with_a_note(tmp_path: Path):

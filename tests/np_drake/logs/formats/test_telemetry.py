@@ -62,6 +62,18 @@ def test_motors_are_on_the_outputs_that_the_parameters_name(flown, tmp_path):
     same_throttle(dut.flights[0], flown)
 
 
+@pytest.mark.parametrize("autopilot", [writer.PX4, writer.ARDUPILOT])
+def test_outputs_that_rest_while_the_vehicle_moves_are_no_flight(flown, tmp_path, autopilot):
+    path, rest = tmp_path / "log.tlog", np.full((len(flown), 4), 1000.0)
+    writer.write(path, writer.frames(flown, rest, autopilot=autopilot))
+    told = "no flight: the motors do not carry the vehicle"
+    if autopilot == writer.ARDUPILOT:
+        assert f"{told}; nothing can be identified" in import_log(path).said
+        return
+    with pytest.raises(LogError, match=told):
+        import_log(path)
+
+
 def test_a_vehicle_that_boots_again_flies_twice(flown, tmp_path):
     path = tmp_path / "log.tlog"
     again = writer.frames(flown, pulses(flown), boot=writer.SINCE + 60.0)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.doctor.flight_facts import law_doubts
+from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.log_file import read, write_log
 from np_drake.logs.import_sheet import write_sheet
-from np_drake.logs.importing.signals import Signal, coarse_tick, stopped_rotor, without_zeros
+from np_drake.logs.importing.signals import Signal, coarse_tick, stopped_rotor
 from tests.np_drake.logs.importing import autopilot_streams as autopilots
 
 HOVER = 5000.0  # [rpm]
@@ -61,17 +62,13 @@ def test_a_rotor_told_no_more_while_the_vehicle_flies_on_has_not_stopped(fly, im
     assert any("the speed of rotor 3 is told no more" in line for line in found.said)
 
 
-def test_rotors_that_stop_together_land_and_zeros_between_are_no_readings():
+def test_rotors_that_stop_together_land_and_one_alone_does_not():
     t = 0.01 * np.arange(300)
     own = np.full((300, 4), HOVER)
     own[250:] = 0.0
     assert stopped_rotor(Signal(t, own)) is None
     own[150:200, 1] = 0.0
     assert stopped_rotor(Signal(t, own)) is None
-    dut, count = without_zeros(Signal(t, own))
-    assert count == 50
-    assert len(dut.t) == 250
-    np.testing.assert_array_equal(dut.values[dut.t < 2.495], HOVER)
     own[220:, 3] = 0.0
     assert stopped_rotor(Signal(t, own)) == (pytest.approx(2.19), 4)
 
@@ -125,8 +122,42 @@ def test_events_of_a_log_are_said_with_their_times(flown, import_px4):
     assert found.said == (
         "the log says: battery low at 3.00 s; mode return at 4.00 s; battery critical at 5.00 s",
     )
-    assert found.flights[0].voltage is None  # it reads 0
-    assert any("voltage: 801 readings of 0 V" in note for note in found.sheet.content["notes"])
+
+
+@pytest.mark.parametrize("fallen, left", [(1.0, None), (0.7, None), (0.3, 9.0), (0.0, 9.0)])
+def test_a_voltage_on_which_nothing_flies_is_left_out(flown, import_px4, fallen, left):
+    volts = np.linspace(16.0, 9.0, len(flown))  # a brown-out
+    noise = 0.13 * np.random.default_rng(1).random(len(flown))
+    read = np.where(flown.t > (1 - fallen) * 8.0 + 0.001, noise, volts)
+    battery = {"battery_status": Stream(flown.t + 1.0, {"voltage_v": read})}
+    found = px4(import_px4, {"actuator_motors": autopilots.throttle(flown)}, battery)
+    (dut,) = found.flights
+    assert len(dut) == len(flown)
+    told = [note for note in dut.notes if note.startswith("voltage: ")]
+    assert len(told) == (fallen > 0)
+    if left is None:
+        assert dut.voltage is None
+        assert "all left out" in told[0]
+    else:
+        assert dut.voltage.min() == pytest.approx(16.0 - 7.0 * (1 - fallen), abs=0.05)
+
+
+@pytest.mark.parametrize("idle", [0.0, 0.05, 0.1])
+def test_a_vehicle_that_is_carried_while_its_motors_rest_is_no_flight(
+    flown, import_px4, import_ardupilot, idle
+):
+    told = "no flight: the motors do not carry the vehicle"
+    rest = np.full((len(flown), 4), idle)
+    speed = 1000.0 + 5.0 * np.random.default_rng(0).standard_normal(rest.shape)
+    for outputs in ({}, {"esc_status": speed}):
+        with pytest.raises(LogError, match=f"{told}; no column of actuator_motors ever changes"):
+            import_px4({"actuator_motors": rest, **outputs}, autopilots.PX4_CORNERS)
+    rest[flown.t < 0.5] = 0.0  # not armed yet
+    found = import_ardupilot(1000.0 + 1000.0 * rest)
+    assert f"{told}; nothing can be identified" in found.said
+    assert any(told in doubt.what and doubt.fails for doubt in law_doubts(found.flights[0]))
+    flies = import_px4({"actuator_motors": autopilots.throttle(flown), "actuator_outputs": rest})
+    assert not any("no flight" in line for line in flies.said)
 
 
 def test_errors_and_counters_of_ardupilot_are_read(flown, import_ardupilot):

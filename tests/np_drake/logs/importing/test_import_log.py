@@ -121,7 +121,7 @@ def test_a_map_is_read_from_yaml_and_its_faults_are_named(tmp_path):
 
 @pytest.mark.parametrize("names", [("attitude", "rates"), ("position", "velocity", "acceleration")])
 def test_a_map_without_the_state_is_refused_before_the_log_is_read(written, names):
-    with pytest.raises(LogError, match=f"the map must name columns of {names[0]}"):
+    with pytest.raises(LogError, match=f"must tell columns of {names[0]}"):
         written(declared=tuple((f"{name}.columns", []) for name in names))
 
 

@@ -55,23 +55,27 @@ def test_an_order_that_the_motion_contradicts_is_not_taken(flown, import_px4, tm
     assert "are not in the order that CA_ROTORn_PX, PY, KM states" in told[0]
 
 
-@pytest.mark.parametrize("stream", ["actuator_outputs", "actuator_outputs.1"])
-def test_px4_outputs_are_motors_by_their_functions_and_limits(flown, import_px4, stream):
+AUX = ("actuator_outputs", "actuator_outputs.1")  # of two groups, the second
+
+
+@pytest.mark.parametrize(
+    "gimbal, servos, stream", [(3, 0, 0), (3, 2, 1), (4, 0, 1), (4, 2, 1), (6, 2, 1)]
+)
+def test_px4_motors_on_aux_are_told_from_a_gimbal_on_main(
+    flown, import_px4, gimbal, servos, stream
+):
     ours = autopilots.throttle(flown)
-    pulses = np.column_stack([noise(flown, 2), 1100.0 + 800.0 * ours])
-    other = {"actuator_outputs": "actuator_outputs.1"}.get(stream, "actuator_outputs")
-    functions = {
-        f"PWM_AUX_FUNC{n}": f
-        for n, f in zip(range(1, 7), (201, 202, 101, 102, 103, 104), strict=True)
+    main = {f"PWM_MAIN_FUNC{n}": 419 + n for n in range(1, gimbal + 1)}
+    aux = dict(enumerate([*range(402, 402 + servos), 101, 102, 103, 104], start=1))
+    limits = {f"PWM_AUX_{end}{n}": us for n in aux for end, us in (("MIN", 1100), ("MAX", 1900))}
+    outputs = {
+        AUX[1 - stream]: noise(flown, gimbal),
+        AUX[stream]: np.column_stack([noise(flown, servos), 1100.0 + 800.0 * ours]),
     }
-    limits = {
-        f"PWM_AUX_{end}{n}": us for n in range(1, 7) for end, us in (("MIN", 1100), ("MAX", 1900))
-    }
-    found = import_px4({other: noise(flown, 3), stream: pulses}, functions | limits)
+    found = import_px4(outputs, main | limits | {f"PWM_AUX_FUNC{n}": f for n, f in aux.items()})
     np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
-    assert found.sheet.content["columns"]["throttle"]["from"] == [
-        f"{stream}/output[{i}]" for i in range(2, 6)
-    ]
+    with pytest.raises(LogError, match="nothing says which are all of the motors"):
+        import_px4({AUX[0]: noise(flown, gimbal)}, main)
 
 
 @pytest.mark.parametrize("hover", [250.0, 1000.0])
@@ -114,6 +118,19 @@ def test_ardupilot_motors_are_on_the_outputs_of_their_functions(flown, import_ar
     found = import_ardupilot(pulses, frame | gimbal | servos((6, 5, 4, 3)))
     np.testing.assert_allclose(opened(found, tmp_path).throttle, ours, atol=1e-9)
     assert "motors are on the outputs 6, 5, 4, 3 (SERVOn_FUNCTION)" in found.said
+
+
+def test_a_gimbal_on_the_first_outputs_is_no_motor_unless_a_map_names_it(
+    flown, import_ardupilot, tmp_path
+):
+    parameters = {"FRAME_CLASS": 1.0, **servos((1, 2, 3), 6)}
+    pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
+    with pytest.raises(LogError, match=r"no output drives a motor .* Name columns as throttle"):
+        import_ardupilot(pulses, parameters)
+    (tmp_path / "map.yaml").write_text("throttle: {columns: [RCOU/C4], unit: us}\n")
+    own = load_map_file(tmp_path / "map.yaml")
+    (dut,) = import_ardupilot(pulses, parameters, log_map=own).flights
+    np.testing.assert_allclose(dut.throttle, autopilots.throttle(flown)[:, 3:], atol=1e-9)
 
 
 @pytest.mark.parametrize("kind, order", [(1, [1, 3, 0, 2]), (14, [1, 2, 3, 0])])

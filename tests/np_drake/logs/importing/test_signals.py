@@ -161,11 +161,59 @@ def test_holding_loses_no_impulse(steps, seed):
     assert np.allclose(np.sum(mean[:-1] * np.diff(rows)[:, None], axis=0), given_, atol=1e-9)
 
 
-def test_readings_of_zero_of_a_rotor_that_turns_are_interpolated():
+def readings(missing: dict[int, slice]) -> np.ndarray:
+    """Return speeds (100, 4) at 100 Hz with zeros of some rotors."""
     speed = np.full((100, 4), 900.0)
-    speed[40, 0] = speed[60:62, 2] = 0.0
-    speed[80:, 3] = 0.0  # it stands
-    dut, count = without_zeros(Signal(0.01 * np.arange(100), speed))
-    assert count == 3
-    np.testing.assert_array_equal(dut.values[:, :3], 900.0)
-    np.testing.assert_array_equal(dut.values[80:, 3], 0.0)
+    for rotor, rows in missing.items():
+        speed[rows, rotor] = 0.0
+    return speed
+
+
+FIRST, TWO, LONG, END = slice(1), slice(60, 62), slice(30, 70), slice(80, 100)
+
+
+@pytest.mark.parametrize(
+    "missing, command, bridged, lost, zeros",
+    [
+        ({0: TWO}, None, 2, 0, 0),
+        (dict.fromkeys(range(4), TWO), None, 8, 0, 0),
+        ({0: FIRST}, None, 0, 1, 0),
+        ({0: LONG, 1: LONG, 2: LONG}, None, 0, 40, 0),
+        (dict.fromkeys(range(4), LONG), 0.5, 0, 40, 0),
+        (dict.fromkeys(range(4), END), 0.5, 0, 20, 0),
+        (dict.fromkeys(range(4), END), 0.05, 0, 0, 80),  # it has landed
+        ({3: END}, 0.5, 0, 0, 20),  # it has stopped, as far as its speed tells
+        ({3: slice(100)}, None, 0, 100, 0),
+    ],
+)
+def test_a_rotor_that_reads_zero_while_the_vehicle_flies_is_not_read(
+    missing, command, bridged, lost, zeros
+):
+    own, level = Signal(0.01 * np.arange(100), readings(missing)), np.full(100, 0.5)
+    level[next(iter(missing.values()))] = command or 0.5
+    values, short, long = without_zeros(own, level if command else None)
+    assert (short.sum(), long.any(axis=1).sum()) == (bridged, lost)
+    assert np.all(values[short] == 900.0)
+    assert np.sum((own.values == 0) & ~short & ~long) == zeros
+
+
+def test_a_rotor_that_slows_down_before_it_stops_is_read():
+    speed = readings({0: LONG})
+    speed[20:30, 0] = np.linspace(900.0, 60.0, 10)
+    values, *missing = without_zeros(Signal(0.01 * np.arange(100), speed))
+    assert not np.any(missing)
+    np.testing.assert_array_equal(values, speed)
+
+
+def test_rotor_speed_of_which_much_is_missing_gives_way_to_throttle():
+    columns = {f"r{i}": x for i, x in enumerate(readings({0: LONG}).T)}
+    log_map = LogMap(rotor_speed=Source(list(columns)), throttle=Source(["u"]))
+    told = recording(0.01 * np.arange(100), u=np.full(100, 0.5), **columns)
+    signals, notes = gather(told, log_map)
+    assert list(signals) == ["throttle"]
+    assert "in 40% of the rows; left out" in notes[0]
+    dead = recording(
+        0.01 * np.arange(100), **{f"r{i}": x for i, x in enumerate(readings({0: slice(100)}).T)}
+    )
+    with pytest.raises(LogError, match=r"must be that of turning rotors; .* in 100% of the rows"):
+        gather(dead, LogMap(rotor_speed=log_map.rotor_speed))
