@@ -171,14 +171,15 @@ def _contents(path: Path) -> Contents:
             moves = np.ptp(own, axis=0) > 0
             kept = moves if name == "SERVO_OUTPUT_RAW" else np.ones(len(columns), bool)
             found[f"{name}.{instance:g}"] = tuple(np.array(columns)[kept].tolist())
-    return Scanned(found, _parameters(log), cut=log.cut)
+    parameters = _parameters(log)
+    return Scanned(found, parameters, other=ulog.other_vehicle(parameters), cut=log.cut)
 
 
 def _parameters(log: _Log) -> dict[str, float]:
-    """Return the parameters that the vehicle told, and its autopilot by number."""
-    _, makers = log.rows(HEARTBEAT, ["autopilot"])
-    maker = float(np.max(makers)) if len(makers) else 0.0
-    found = {"MAV_AUTOPILOT": maker}
+    """Return the parameters that the vehicle told, its autopilot and its type by number."""
+    _, beats = log.rows(HEARTBEAT, ["autopilot", "type"])
+    maker, kind = beats.max(axis=0, initial=0.0)
+    found = {"MAV_AUTOPILOT": float(maker), "MAV_TYPE": float(kind)}
     for _, message in log.messages(PARAMETER):
         value = message.param_value
         if AUTOPILOTS.get(int(maker)) == "PX4" and message.param_type == INTEGER:
