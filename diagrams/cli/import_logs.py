@@ -82,11 +82,15 @@ def import_logs(
                     **how,  # type: ignore[arg-type]
                     on_progress=part_of(advance, number),
                 )
-                written += _write(found, run.folder, suffix, written)
+                targets = _targets(found, run.folder, suffix, written)
             except (LogError, OSError) as error:
                 reason = getattr(error, "strerror", None)
                 failures.append(f"{path}: {reason}." if reason else str(error))
                 continue
+            for flight, target in zip(found.flights, targets, strict=True):
+                write_log(flight, target)
+                write_sheet(dc.replace(found.sheet, start=flight.start), target)
+                written.append(str(target))
             sheet = found.sheet.content
             left += [  # what must be known, and what is left out
                 f"{path.name}: {note}"
@@ -115,9 +119,8 @@ def import_logs(
     )
 
 
-def _write(found: Imported, folder: Path, suffix: str, before: list[str]) -> list[str]:
-    """Write the flights of one log and their sheets, and return the files; `before` are those of
-    other logs.
+def _targets(found: Imported, folder: Path, suffix: str, before: list[str]) -> list[Path]:
+    """Return the files of the flights of one log; `before` are those of other logs.
 
     Raises: LogError: if a file is there already.
     """
@@ -127,7 +130,4 @@ def _write(found: Imported, folder: Path, suffix: str, before: list[str]) -> lis
             twice = "another log of this command has the same name. Import it by itself, with"
             remedy = twice if str(path) in before else "remove it, or give"
             raise LogError(f"{path}: must not be there; {remedy} another --out.")
-    for flight, target in zip(found.flights, targets, strict=True):
-        write_log(flight, target)
-        write_sheet(dc.replace(found.sheet, start=flight.start), target)
-    return [str(target) for target in targets]
+    return targets

@@ -150,7 +150,10 @@ def as_named(found: Inference) -> Inference:
     named, ranking = {c.identifier for c in found.causes}, found.ranking
     vehicle, options = ranking.problem.flights[0].vehicle, ranking.options
     effects = [t.effect for t in ranking.best.terms]
-    open_ = frozenset(e.identifier for e in effects if options.within_timing(e, vehicle))
+    untold = {f.name for f in found.below_threshold if "timing" in f.figures}
+    open_ = frozenset(
+        e.identifier for e in effects if e.identifier in untold or options.within_timing(e, vehicle)
+    )
     if not open_ and not named < {e.identifier for e in effects}:
         return found
     fit = fit_of_some(ranking.problem, ranking.best, named | open_, ranking.noise)

@@ -11,6 +11,7 @@ import json
 import logging
 import os
 import secrets
+import shutil
 import stat
 import tempfile
 import zlib
@@ -282,7 +283,9 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         note_output(target)
     except OSError as error:
         if error.errno in FULL:
+            free = shutil.disk_usage(target.parent).free / 1e6
             error.filename = str(path)
+            error.strerror = f"{error.strerror} ({free:.3g} MB are free)"
         raise
     finally:
         temporary.unlink(missing_ok=True)

@@ -42,6 +42,7 @@ class Judgement:
     support: its gain in prediction; None: not asked.
     stands_for: why its parameters are not physical; empty where they are.
     size: at the fit.
+    timing: deviation of the time at which commands act, of an effect that shifts it; else 0 [s].
     """
 
     in_model: float
@@ -49,6 +50,7 @@ class Judgement:
     support: Support | None
     stands_for: str
     size: Size
+    timing: float = 0.0
 
     @property
     def probability(self) -> float:
@@ -61,6 +63,12 @@ class Judgement:
         return 0.0 if self.stands_for else found
 
     @property
+    def is_open(self) -> bool:
+        """Whether it may act as well as commands that act late, which the logs leave open."""
+        against = self.support is None or self.support.contradicted or self.stands_for
+        return self.timing > 0 and not against
+
+    @property
     def reason(self) -> str:
         """Why it is below the threshold of a cause."""
         factors = {
@@ -71,7 +79,12 @@ class Judgement:
             if support.contradicted and not self.stands_for:
                 return "held-out flights are predicted better without it"
             gained = f"{number(support.total, 2)} ± {number(support.error, 2)} nat"
-            predicts = f"it does not predict: {gained} in time that did not fit it"
+            predicts = (
+                f"not told from the time at which commands act, which the logs leave open by "
+                f"{measure(self.timing, 's', 2)} ({gained})"
+                if self.is_open
+                else f"it does not predict: {gained} in time that did not fit it"
+            )
             factors[predicts] = support.probability
         return self.stands_for or min(factors, key=lambda why: factors[why])
 
@@ -116,7 +129,8 @@ def judge(
     # 3. Predicts: `support`, halved where held-out flights contradict it. 4. Zero, where no vehicle
     # can have such parameters.
     stands_for = impossible(fit, i, flights[0].vehicle, greatest_height(flights))
-    return Judgement(in_model, material, support, stands_for, size)
+    timing = ranking.options.tolerance.timing * effect.shifts_commands
+    return Judgement(in_model, material, support, stands_for, size, timing)
 
 
 def decide(
@@ -170,6 +184,8 @@ def _finding(effect: Effect, parameters: Mapping[str, Estimate], found: Judgemen
     size = found.size
     shares = f"{percent(size.force)} of weight, {percent(size.torque)} of torque"
     figures = {"force": size.force, "torque": size.torque, "probability": found.probability}
+    if found.is_open:
+        figures["timing"] = found.timing
     text = f"{values}: {found.reason} ({shares})"
     return Finding(effect.identifier, text, size.gap, figures)
 

@@ -25,6 +25,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.checks import require
+from np_drake.files.file_access import decompressed, decompressed_start
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox_frames import (
     BATTERY,
@@ -51,12 +52,14 @@ from np_drake.logs.formats.format import (
     Stream,
     first_source,
     indexed,
+    of_collective,
 )
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.vehicle.rotor_layout import FIRMWARE
 
 MOTOR = re.compile(r"motor\[\d\]")
 REVERSED = "yaw_motors_reversed"  # setting: 1 where the propellers turn out at the front
+LEAST_MOTORS = 4  # of a multicopter that is read
 # Delay of a low-pass at low frequencies, over 1 / (2 pi cutoff), by its type: PT1, biquad, PT2, PT3
 # [1]. Betaflight raises the cutoffs of the stages of the last two so that together they have the
 # one that is set.
@@ -192,10 +195,7 @@ def motors(contents: Contents) -> Motors:
     whole = len(columns) in (4, 6, 8) and ends[0] < ends[1]
     throttle = Source([f"main/{name}" for name in columns], "us", ends=ends) if whole else Source()
     if len(columns) != 4:
-        told_of = (
-            f"{len(columns)} motors: their collective thrust alone is taken, torque is not told"
-        )
-        return Motors(throttle, notes=(told_of,) if columns else ())
+        return Motors(throttle, notes=of_collective(len(columns)))
     speed = first_source(
         contents,
         (indexed(f"main/{name}", 4) for name in ("omegaUnfiltered", "omega")),
@@ -518,8 +518,17 @@ def _contents(path: Path) -> Contents:
 
     Raises: LogError: if no header is whole.
     """
-    session = _largest(_sessions(path, path.read_bytes())[0])
-    return Scanned(session.columns, _parameters(session))
+    session = _largest(_sessions(path, decompressed(path))[0])
+    revision = session.settings.get("Firmware revision", "")
+    count = sum(bool(MOTOR.fullmatch(name)) for name in session.names)
+    other = (
+        f"a vehicle of {count} motor{'s' * (count > 1)} ({revision})"
+        if 0 < count < LEAST_MOTORS
+        else ""
+    )
+    if revision.startswith("Rotorflight"):
+        other = f"a helicopter ({revision})"
+    return Scanned(session.columns, _parameters(session), other=other)
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -527,7 +536,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
 
     Raises: LogError: if no header is whole, or no log has a frame.
     """
-    content = path.read_bytes()
+    content = decompressed(path)
     known, bad = _sessions(path, content)
     session = _largest(known)
     columns = session.columns
@@ -679,7 +688,7 @@ def _facts(session: _Session) -> dict[str, str]:
 BLACKBOX = Format(
     "blackbox",
     "Betaflight, INAV or Indiflight blackbox",
-    lambda path, start: MARK in start,
+    lambda path, start: MARK in decompressed_start(start),
     _contents,
     default_map,
     _read,

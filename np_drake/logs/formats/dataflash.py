@@ -35,6 +35,7 @@ from np_drake.logs.formats.format import (
     Stream,
     first_source,
     no_progress,
+    of_collective,
     shaking,
 )
 from np_drake.logs.importing.log_map import LogMap, Source
@@ -43,18 +44,24 @@ from np_drake.vehicle.rotor_layout import RotorLayout
 FUNCTION = re.compile(r"SERVO(\d+)_FUNCTION")
 MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # of an output: motor 1 to 8, 9 to 12
 USED = re.compile(r"SERVO\d+_FUNCTION|FRAME_(CLASS|TYPE)|MOT_PWM_(MIN|MAX)")
-CLASSES = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6}  # motors by FRAME_CLASS: quad, hexa, octa, octaquad, Y6
-OTHERS = {
-    6: "a helicopter",
-    7: "a tricopter",
-    8: "a single copter",
-    9: "a coaxial copter",
-    10: "a tailsitter",
-    11: "a dual helicopter",
-    12: "a dodecahexacopter",
-    13: "a quad helicopter",
-    14: "a decacopter",
+FRAMES = {  # by FRAME_CLASS: word of older firmware, kind, motors; 0: no multicopter that is read
+    1: ("QUAD", "quad", 4),
+    2: ("HEXA", "hexa", 6),
+    3: ("OCTA", "octa", 8),
+    4: ("OCTA_QUAD", "octaquad (X8)", 8),
+    5: ("Y6", "Y6", 6),
+    6: ("HELI", "a helicopter", 0),
+    7: ("TRI", "a tricopter", 0),
+    8: ("SINGLE", "a single copter", 0),
+    9: ("COAX", "a coaxial copter", 0),
+    10: ("TAILSITTER", "a tailsitter", 0),
+    11: ("HELI_DUAL", "a dual helicopter", 0),
+    12: ("DODECA_HEXA", "a dodecahexacopter", 0),
+    13: ("HELI_QUAD", "a quad helicopter", 0),
+    14: ("DECA", "a decacopter", 0),
 }
+FRAME = re.compile(r"Frame: ?(\w+)")
+FIRMWARE = re.compile(r"(?:Ardu|APM:? ?|Antenna)(Copter|Plane|Rover|Sub|Heli|Tracker)", re.I)
 # by FRAME_TYPE: angle of motors 1 to 4 from the front, to the right [deg]; sign, 1 turns clockwise
 QUADS = {
     0: ("plus", (90, -90, 0, 180), (-1, -1, 1, 1)),
@@ -72,20 +79,14 @@ QUADS = {
 def motors(contents: Contents) -> Motors:
     """Return the motors of a log, and their layout where it has four.
 
-    Raises: ValueError: if the frame is none of rotors of equal duty, or an output of a motor is not
-    logged.
+    Raises: ValueError: if an output of a motor is not logged, or motors are not 4, 6 or 8.
     """
     parameters: Mapping[str, float] = getattr(contents, "parameters", {})
     frame = int(parameters.get("FRAME_CLASS", 0))
-    require(
-        not frame or frame in CLASSES,
-        f"FRAME_CLASS {frame} is {OTHERS.get(frame, 'none that is known')}; the rotors "
-        f"of a vehicle file push "
-        "alike. Name one column as throttle in a map to take its collective.",
-    )
+    _, kind, usual = FRAMES.get(frame, ("", "", 4))
     outputs = _outputs(parameters)
     if not outputs:
-        outputs = list(range(1, CLASSES.get(frame, 4) + 1))
+        outputs = list(range(1, (usual or 4) + 1))
         other = next((n for n in outputs if f"SERVO{n}_FUNCTION" in parameters), 0)
         require(
             not other,
@@ -117,11 +118,7 @@ def motors(contents: Contents) -> Motors:
         if all(columns)
         else Source()
     )
-    notes = (
-        []
-        if count == 4
-        else [f"{count} motors: their collective thrust alone is taken, torque is not told"]
-    )
+    notes = list(of_collective(count, kind))
     if count == 4 and outputs != [1, 2, 3, 4]:
         notes.append(f"motors are on the outputs {', '.join(map(str, outputs))} (SERVOn_FUNCTION)")
     speed = Source(_escs(contents, outputs), "rpm") if count == 4 else Source()
@@ -173,7 +170,9 @@ FMT = b"\xa3\x95\x80"  # begins the definition of a message
 MOST_INSTANCES = 256  # of a message; a byte numbers them
 HEADERS = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER")  # about the log: no streams
 TIMES = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # [s]
-PARAMETERS = re.compile(rf"{USED.pattern}|MOT_SPIN_(MIN|MAX)|MOT_THST_(EXPO|HOVER)|SCHED_LOOP_RATE")
+PARAMETERS = re.compile(
+    rf"{USED.pattern}|MOT_SPIN_(MIN|MAX)|MOT_THST_(EXPO|HOVER)|SCHED_LOOP_RATE|Q_ENABLE"
+)
 PRIMARY = "primary"  # in place of an instance
 LANES = {
     name: f"{kind}4" for kind in ("XKF", "NKF") for name in (f"{kind}1", f"{kind[:2]}Q")
@@ -360,7 +359,21 @@ def _contents(path: Path) -> Contents:
             found |= dict.fromkeys(names, message.numbers)
             if len(instances) > 1 and len(_lanes(log, message.name)[0]):
                 found[f"{message.name}.{PRIMARY}"] = message.numbers
-    return Scanned(found, _parameters(log))
+    parameters = _parameters(log)
+    words = {word: frame for frame, (word, _, _) in FRAMES.items()}
+    other = ""
+    for (text,) in (*log.texts("MSG", "Message"), *log.texts("VER", "FWS")):
+        if match := FIRMWARE.match(text):
+            other = "" if match[1].lower() == "copter" else f"a {match[1].lower()} ({text})"
+        if (match := FRAME.match(text)) and match[1] in words:
+            parameters.setdefault("FRAME_CLASS", words[match[1]])
+    frame = int(parameters.get("FRAME_CLASS", 0))
+    _, kind, count = FRAMES.get(frame, ("", "a frame that is not known", 0))
+    if other and parameters.get("Q_ENABLE", 0.0) > 0:
+        other = f"a VTOL: {other} with Q_ENABLE"
+    if frame and not count and not other:
+        other = f"{kind} (FRAME_CLASS {frame})"
+    return Scanned(found, parameters, other=other)
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:

@@ -87,6 +87,7 @@ class Scanned(dict[str, tuple[str, ...]]):
     Args:
         rates: of streams of rotors [Hz].
         values: by `stream/column`, those of a column that says what its rows are.
+        other: what the vehicle is by its own word, where it is no multicopter; else empty.
         cut: whether the file ends within a message.
     """
 
@@ -97,9 +98,11 @@ class Scanned(dict[str, tuple[str, ...]]):
         rates: Mapping[str, float] | None = None,
         values: Mapping[str, float] | None = None,
         *,
+        other: str = "",
         cut: bool = False,
     ) -> None:
         super().__init__(streams)
+        self.other = other
         self.cut = cut
         self.parameters, self.rates, self.values_of = (
             dict(parameters or {}),
@@ -124,6 +127,14 @@ class Motors:
     layout: RotorLayout | None = None
     notes: tuple[str, ...] = ()
     unit: bool = True
+
+
+def of_collective(count: int, kind: str = "") -> tuple[str, ...]:
+    """Return the line on motors that are not four, after the kind of their frame; none of four."""
+    if count in (0, 4):
+        return ()
+    motors = f"{count} motors: their collective thrust alone is taken, torque is not told"
+    return (f"{kind}, {motors}" if kind else motors,)
 
 
 def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, str]:

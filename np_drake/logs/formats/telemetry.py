@@ -175,7 +175,7 @@ def _contents(path: Path) -> Contents:
             moves = np.ptp(own, axis=0) > 0
             kept = moves | (name != "SERVO_OUTPUT_RAW" or _is_ardupilot(parameters))
             found[f"{name}.{instance:g}"] = tuple(np.array(columns)[kept].tolist())
-    return Scanned(found, parameters, cut=log.cut)
+    return Scanned(found, parameters, other=ulog.other_vehicle(parameters), cut=log.cut)
 
 
 def _is_ardupilot(parameters: Mapping[str, float]) -> bool:
@@ -183,10 +183,10 @@ def _is_ardupilot(parameters: Mapping[str, float]) -> bool:
 
 
 def _parameters(log: _Log) -> dict[str, float]:
-    """Return the parameters that the vehicle told, and its autopilot by number."""
-    _, makers = log.rows(HEARTBEAT, ["autopilot"])
-    maker = float(np.max(makers)) if len(makers) else 0.0
-    found = {"MAV_AUTOPILOT": maker}
+    """Return the parameters that the vehicle told, its autopilot and its type by number."""
+    _, beats = log.rows(HEARTBEAT, ["autopilot", "type"])
+    maker, kind = beats.max(axis=0, initial=0.0)
+    found = {"MAV_AUTOPILOT": float(maker), "MAV_TYPE": float(kind)}
     for _, message in log.messages(PARAMETER):
         value = message.param_value
         if AUTOPILOTS.get(int(maker)) == "PX4" and message.param_type == INTEGER:

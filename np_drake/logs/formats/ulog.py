@@ -35,6 +35,7 @@ from np_drake.logs.formats.format import (
     first_source,
     indexed,
     no_progress,
+    of_collective,
     shaking,
 )
 from np_drake.logs.importing.log_map import SIZES, LogMap, Source
@@ -47,6 +48,18 @@ FIRST_MOTOR = 101  # function of an output, or of a speed controller, that is mo
 MOST_MOTORS = 12
 MAIN = "PWM_MAIN"  # group whose driver PX4 starts before those of others: the first stream is its
 BY_TYPE = {2: 4, 13: 6, 14: 8}  # rotors by MAV_TYPE
+# Vehicles that are no multicopters. Source: MAVLink's MAV_TYPE, PX4's parameter reference.
+TYPES = {
+    **{1: "a plane", 3: "a helicopter", 4: "a helicopter", 10: "a rover", 11: "a boat"},
+    **{12: "a submarine", 15: "a tricopter"},
+    **dict.fromkeys(range(19, 26), "a VTOL"),
+}
+AIRFRAMES = {
+    1: "a plane",
+    **dict.fromkeys((2, 3, 4), "a VTOL"),
+    **dict.fromkeys((5, 6, 13), "a rover"),
+    **dict.fromkeys((10, 11, 12), "a helicopter"),
+}
 DSHOT_TIMERS = range(-5, -1)  # PWM_MAIN_TIMn of DShot 150 to 1200
 ENDS = {
     "UAVCAN_EC": (0.0, 8191.0),
@@ -76,17 +89,23 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
         throttle = Source()
     count = len(lifting) if lifting else len(throttle.columns)
     speed = Source() if count > 4 else _rotor_speed(fast, values, lifting)
-    notes = (
-        []
-        if count in (0, 4)
-        else [f"{count} motors: their collective thrust alone is taken, torque is not told"]
-    )
+    placed = {
+        tuple(parameters.get(f"CA_ROTOR{n}_P{axis}", float(n)) for axis in "XY") for n in lifting
+    }
+    notes = of_collective(count, "coaxial rotors" if len(placed) < len(lifting) else "")
     layout = (
         _layout(parameters, lifting) if 4 in (len(throttle.columns), len(speed.columns)) else None
     )
-    return Motors(
-        throttle, speed, layout, tuple(notes), unit=throttle.unit != "us" or bool(throttle.ends)
-    )
+    return Motors(throttle, speed, layout, notes, unit=throttle.unit != "us" or bool(throttle.ends))
+
+
+def other_vehicle(parameters: Parameters) -> str:
+    """Return what a vehicle is by its parameters, where it is no multicopter; else empty."""
+    for name, kinds in (("MAV_TYPE", TYPES), ("CA_AIRFRAME", AIRFRAMES)):
+        number = int(parameters.get(name, 0))
+        if number in kinds:
+            return f"{kinds[number]} ({name} {number})"
+    return ""
 
 
 def _lifting(parameters: Parameters) -> list[int]:
@@ -440,7 +459,7 @@ def _contents(path: Path) -> Contents:
         found.setdefault(name, tuple(columns))
     numbers = log.initial_parameters.items()
     parameters = {n: float(v) for n, v in numbers if isinstance(v, int | float) and np.isfinite(v)}
-    return Scanned(found, parameters, rates, values, cut=cut)
+    return Scanned(found, parameters, rates, values, other=other_vehicle(parameters), cut=cut)
 
 
 def _lift(log: Any, t: np.ndarray, outputs: Sequence[np.ndarray]) -> float:

@@ -16,6 +16,9 @@ from np_drake.logs.importing.signals import FASTER, OPTIONAL, SLOWEST_ROTORS, ST
 
 FASTEST = 500.0  # rate of the rows unless another is asked for [Hz]; own choice
 COMMANDS = ("thrust", "torque", "throttle")
+POSE = ("position", "velocity", "attitude")  # of one instrument, as motion capture
+# gap of a pose that gyro and accelerometer bridge [s]; own choice: 0.01 rad of tilt are 5 cm then
+LONGEST_BRIDGE = 1.0
 SMOOTH = (
     0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
 )
@@ -56,12 +59,19 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     x = in_frames(signals, log_map, notes)
     q, rates = x["attitude"], x["rates"]
     p, v, a = x["position"], x["velocity"], x.get("acceleration")
+    inertial = a is not None and "rates" in signals
     out = {"attitude": q.turned(rates, t), "rates": rates.averaged(t, width)}
-    faster = a is not None and a.step * FASTER < v.step
-    out["velocity"] = v.integrated(a, t) if a is not None and faster else v.linear(t)
+    out["velocity"] = v.linear(t)
+    if a is not None:
+        wide = v.within_wide(a, v.before(t))
+        out["velocity"] = np.where(wide, v.integrated(a, t), out["velocity"])
     # Between samples a cubic that has their velocities.
     between = scipy.interpolate.CubicHermiteSpline(p.t, p.values, v.linear(p.t))
     out["position"] = p.values if np.array_equal(p.t, t) else between(np.clip(t, p.t[0], p.t[-1]))
+    if inertial:
+        gap = (np.diff(p.t) > GAP * p.step)[p.before(t)][:, None]
+        moved = p.integrated(Signal(t, out["velocity"]), t)
+        out["position"] = np.where(gap, moved, out["position"])
     if a is not None and np.array_equal(a.t, t):
         out["acceleration"] = a.values
     elif a is not None:
@@ -90,8 +100,11 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     # A position is a cubic that has its velocities: a line bridges it where it bridges these.
     x["position"] = Signal(p.t, v.linear(p.t))
     filled, torn = np.zeros((2, len(t)), bool)
-    for own in (x[name] for name in (*STATE, *COMMANDS, "rotor_speed") if name in signals):
+    for name in (n for n in (*STATE, *COMMANDS, "rotor_speed") if n in signals):
+        own = x[name]
         is_torn = _is_torn(own)
+        if inertial and name in POSE:
+            is_torn &= np.diff(own.t) > LONGEST_BRIDGE
         for k in np.flatnonzero(np.diff(own.t) > GAP * own.step):
             after = np.searchsorted(t, own.t[k], side="right")
             inside = slice(after, np.searchsorted(t, own.t[k + 1]))
@@ -197,15 +210,21 @@ def _rates(signals: Signals, log_map: LogMap, q: Signal, notes: list[str]) -> Si
 
 
 def _differentiated(p: Signal, notes: list[str]) -> Signal:
-    """Return the velocity of a position by local parabolas."""
+    """Return the velocity of a position by local parabolas, none of which reaches over a gap."""
     notes.append(f"velocity: none in the log; position differentiated over {SMOOTH} s")
     length = max(5, 2 * round(0.5 * SMOOTH / p.step) + 1)
-    t = p.t[0] + p.step * np.arange(int((p.t[-1] - p.t[0]) / p.step + 1e-6) + 1)
-    even = p.linear(t)
-    if len(t) <= length:
+    edges = np.flatnonzero(np.diff(p.t) > GAP * p.step) + 1
+    times, slopes = [], []
+    for piece in np.split(p.t, edges):
+        t = piece[0] + p.step * np.arange(int((piece[-1] - piece[0]) / p.step + 1e-6) + 1)
+        if len(t) > length:
+            # Slope of the parabola that fits the window best (Savitzky and Golay).
+            how = {"deriv": 1, "delta": p.step, "axis": 0}
+            slopes.append(scipy.signal.savgol_filter(p.linear(t), length, 2, **how))
+            times.append(t)
+    if not times:
         return Signal(p.t, np.gradient(p.values, p.t, axis=0))
-    # Slope of the parabola that fits the window best (Savitzky and Golay).
-    return Signal(t, scipy.signal.savgol_filter(even, length, 2, deriv=1, delta=p.step, axis=0))
+    return Signal(np.concatenate(times), np.concatenate(slopes))
 
 
 def command_meaning(own: Signal, log_map: LogMap) -> str:

@@ -1,5 +1,5 @@
 """Where a log breaks: its clock is set, its recorder pauses, its position or attitude jumps, or its
-format states a switch.
+format states a switch; and where its pose is frozen.
 """
 
 import dataclasses as dc
@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.logs.columns import LEAST_ROWS
+from np_drake.logs.columns import GAP, LEAST_ROWS
 from np_drake.logs.formats.format import Recording, Stream
+from np_drake.logs.importing.alignment import LONGEST_BRIDGE, POSE, in_frames
 from np_drake.logs.importing.laws import stretches
 from np_drake.logs.importing.log_map import UNITS, LogMap, convert_quantity
 from np_drake.logs.importing.signals import OPTIONAL, STATE, Signals
@@ -26,6 +27,7 @@ LEAST = {  # jump of one interval; own choice
 MOST = 0.02  # share of the intervals that jump from which the signal is a noisy one [1]; own choice
 # jump over the largest change of the intervals around it [1]; own choice: motion has no such
 ABRUPT = 8.0
+FROZEN = "the pose repeats while the gyro turns"
 STATED = 0.3  # share of both that is enough where the log itself states a reset [1]; own choice
 AROUND = 8  # intervals before and after a jump with which it is compared [1]
 MOST_SAID = 5  # breaks that are named one by one
@@ -43,19 +45,77 @@ class Break:
     reason: str
 
 
+# turn by the gyro in which a pose that is alive does not repeat [rad]; own choice: some times what
+# motion capture resolves
+TURNED = 0.02
+NOISY = 10.0  # the same over the usual disagreement of attitude and gyro from row to row [1]
+DRIFT = 0.02  # of a gyro beside its bias [rad/s]; own choice: of a MEMS gyro that warms up
+
+
+def without_frozen_poses(
+    signals: Signals, log_map: LogMap
+) -> tuple[Signals, list[Break], list[str]]:
+    """Return the signals without rows that repeat a pose while the gyro turns, where they were, and
+    one line on them.
+
+    The first pose behind them may be an old one as well, and is left out with its repeats.
+    """
+    if not {"attitude", "rates"} <= signals.keys():
+        return signals, [], []
+    logged, x = signals["attitude"], in_frames(signals, log_map, [])
+    t, turned = logged.t, x["rates"].integral(logged.t)
+    interval = np.diff(t)[:, None]
+    missed = np.diff(turned, axis=0) / interval - x["attitude"].rate.values
+    bias = np.median(missed, axis=0)
+    noise = float(np.median(np.linalg.norm((missed - bias) * interval, axis=1)))
+    turned -= bias * (t - t[0])[:, None]
+    new = np.concatenate([[True], np.any(np.diff(logged.values, axis=0) != 0, axis=1)])
+    starts = np.flatnonzero(new)
+    ends = np.append(starts[1:], len(t)) - 1
+    lasts = t[np.minimum(ends + 1, len(t) - 1)] - t[starts]
+    turns = np.maximum.reduceat(turned, starts) - np.minimum.reduceat(turned, starts)
+    least = max(TURNED, NOISY * noise) + DRIFT * lasts
+    frozen = (lasts > GAP * logged.step) & (np.linalg.norm(turns, axis=1) > least)
+    # Where the gyro repeats as well, a whole row does.
+    gyro = signals["rates"]
+    moves = np.append(0, np.cumsum(np.any(np.diff(gyro.values, axis=0) != 0, axis=1)))
+    row = np.searchsorted(gyro.t, t, side="right") - 1
+    frozen &= 2 * (moves[row[ends]] - moves[row[starts]]) > row[ends] - row[starts]
+    pose = np.cumsum(new) - 1
+    gone = (frozen[pose] & ~new) | np.append(False, frozen[:-1])[pose]
+    if not gone.any():
+        return signals, [], []
+    out, after = dict(signals), np.append(t, np.inf)
+    spans = [Break(float(t[a - 1]), float(after[b]), FROZEN) for a, b in stretches(gone).tolist()]
+    for name in (n for n in POSE if n in signals):
+        own, kept = signals[name], np.ones(len(signals[name].t), bool)
+        for span in spans:
+            inside = (own.t > span.before) & (own.t < span.after)
+            repeats = np.all(np.diff(own.values[inside], axis=0) == 0, axis=1)
+            kept[inside] = name != "attitude" and np.mean(repeats) <= 0.5
+        out[name] = dc.replace(own, t=own.t[kept], values=own.values[kept])
+    seconds = sum(min(span.after, t[-1]) - span.before for span in spans)
+    how = f"{int(gone.sum())} rows, {seconds:.3g} s in {len(spans)} stretches, left out"
+    return out, spans, [f"{FROZEN}: {how}"]
+
+
 def find_breaks(
     signals: Signals,
     log_map: LogMap,
     stated: Sequence[tuple[float, str]],
     known: Sequence[Break] = (),
+    frozen: Sequence[Break] = (),
 ) -> list[Break]:
     """Return where the log breaks, in time.
 
     Args:
         stated: time [s] and reason of the breaks that the format states; a reason that ends in `?`
             is one if it shows; behind one that ends in `!` nothing is kept.
+        frozen: where the pose was; no break where gyro and accelerometer bridge it.
     """
-    found = list(known)
+    longest = LONGEST_BRIDGE if "acceleration" in signals else 0.0
+    bridged = [b for b in frozen if b.after - b.before <= longest]
+    found, seen = [*known, *(b for b in frozen if b not in bridged)], list[Break]()
     place = next(
         signals[name] for name in ("position", "velocity", "acceleration") if name in signals
     )
@@ -70,16 +130,17 @@ def find_breaks(
         interval = np.diff(own.t)
         for row in np.flatnonzero(interval > max(PAUSE, SLOW * own.step)):
             said = f"a pause of {interval[row]:.3g} s"
-            found.append(Break(float(own.t[row]), float(own.t[row + 1]), said))
+            seen.append(Break(float(own.t[row]), float(own.t[row + 1]), said))
     for name in (n for n in ("position", "velocity") if n in signals):
         source = getattr(log_map, name)
         unit = UNITS[name].get(source.unit, 1.0) * abs(source.scale)
-        found += _jumps(signals[name].t, np.diff(signals[name].values, axis=0) * unit, name, asked)
+        seen += _jumps(signals[name].t, np.diff(signals[name].values, axis=0) * unit, name, asked)
     if "attitude" in signals:
         q = convert_quantity("attitude", signals["attitude"].values, log_map)
         turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
-        found += _jumps(signals["attitude"].t, turned, "attitude", asked)
-    return _joined(found)
+        seen += _jumps(signals["attitude"].t, turned, "attitude", asked)
+    apart = (b for b in seen if not any(b.before < s.after > s.before < b.after for s in bridged))
+    return _joined([*found, *apart])
 
 
 def split(

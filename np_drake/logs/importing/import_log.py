@@ -37,6 +37,7 @@ from np_drake.logs.importing.breaks import (
     find_breaks,
     split,
     within,
+    without_frozen_poses,
     without_merged_rows,
 )
 from np_drake.logs.importing.conventions import Verdict, as_text, require_a_likely_clock
@@ -268,6 +269,9 @@ def _ground_notes(part: Part) -> list[str]:
     return [f"on the ground: {seconds:.3g} s left out"]
 
 
+OTHER = "no multicopter: "  # beginning of a line
+# beginnings of lines that stay with flights
+LASTING = (OTHER, FITS, NO_FLIGHT, SAYS, TICKS, *LOST)
 GIVE_MAP = "Give a map (--map FILE, docs/reference/log-map.md)"
 ENDINGS = re.compile(
     r"(\.(csv|tsv|txt|parquet|ulg|bin|tlog|log|mcap|db3|bag|bbl|bfl))?(\.gz)?$", re.IGNORECASE
@@ -349,13 +353,14 @@ def import_log(
         flight.timing, flight.layout = timing, layout
         flight.start += beside.start
     end = flights[-1].start + flights[-1].t[-1]
+    other = getattr(contents, "other", "")
+    kind = [f"{OTHER}{other}; its wings, servos and other rotors are not known"] if other else []
     told = [*recording.said, *_said_by(recording, origin, end), *said, *told]
-    against = (FITS, NO_FLIGHT, SAYS, TICKS, *LOST)
-    standing = tuple(line for line in [*told, *notes] if line.startswith(against))
+    standing = tuple(line for line in [*kind, *told, *notes] if line.startswith(LASTING))
     derived = tuple(flights[0].notes)
     for flight in flights:
         flight.notes += standing
-    said = [*motors.notes, *told]
+    said = [*kind, *motors.notes, *told]
     content = sheet_content(
         path,
         known.title,
@@ -385,9 +390,17 @@ def _map_for(
         "vehicle.",
         LogError,
     )
+    other = getattr(contents, "other", "")
+    require(
+        not other or given is not None,
+        f"{path}: must be the log of a multicopter; it is that of {other}. A map of its columns "
+        "(--map FILE) reads it all the same.",
+        LogError,
+    )
     own, motors = None, Motors()
+    whole = isinstance(log_map, MapFile) and "position" in log_map.named
     try:
-        if given is log_map is None or isinstance(log_map, MapFile):
+        if given is None or (isinstance(log_map, MapFile) and not (other and whole)):
             own, motors = _by_own_names(known, contents, given)
         found = log_map.over(own) if isinstance(log_map, MapFile) else log_map or own
         if own is not None and found is not None:
@@ -462,14 +475,15 @@ def _signals_of_parts(
         signals, origin + (log_map.start or -np.inf), origin + (log_map.stop or np.inf)
     )
     require(not short, f"{path}: start and stop must leave samples; {short} in them.", LogError)
-    breaks = find_breaks(signals, log_map, [*recording.breaks, *ends], merged)
+    signals, frozen, still = without_frozen_poses(signals, log_map)
+    breaks = find_breaks(signals, log_map, [*recording.breaks, *ends], merged, frozen)
     parts, broken = split(signals, breaks, origin)
     require(
         parts,
         f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal.",
         LogError,
     )
-    return parts, [*said, *slow, *broken], notes, origin
+    return parts, [*said, *slow, *still, *broken], notes, origin
 
 
 TUMBLES = 3.0  # body rate to which a rotor that stops turns a vehicle [rad/s]; own choice

@@ -11,7 +11,7 @@ import scipy
 
 from np_drake import attitude
 from np_drake.checks import require
-from np_drake.logs.columns import LARGEST, LEAST_ROWS
+from np_drake.logs.columns import GAP, LARGEST, LEAST_ROWS
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
 from np_drake.logs.importing.laws import stretches
@@ -106,7 +106,7 @@ class Signal:
         beyond them.
         """
         t, x = self.t, self.values
-        i, inside = self._before(at), np.clip(at, t[0], t[-1])
+        i, inside = self.before(at), np.clip(at, t[0], t[-1])
         gone = (inside - t[i])[:, None]
         slope = (x[i + 1] - x[i]) / (t[i + 1] - t[i])[:, None]
         out = self._sum[i] + (x[i] + 0.5 * slope * gone) * gone
@@ -121,7 +121,7 @@ class Signal:
         Args:
             at: (m,) [s].
         """
-        i, own, x = self._before(at), rate.integral(self.t), self.values
+        i, own, x = self.before(at), rate.integral(self.t), self.values
         missed = (x[i + 1] - x[i]) - (own[i + 1] - own[i])
         return x[i] + (rate.integral(at) - own[i]) + self._share(i, at) * missed
 
@@ -129,24 +129,30 @@ class Signal:
         """Return attitudes (m, 4) that follow the body rates between samples, and meet the next
         sample.
 
-        Without body rates that are denser they turn evenly. Turns within one interval of samples
-        are taken as small: their order is neglected.
+        Without body rates that are denser, there or on the whole, they turn evenly. Turns within
+        one interval of samples are taken as small: their order is neglected.
 
         Args:
             rate: body rates; None: not known.
             at: (m,) [s].
         """
-        i, q = self._before(at), self.values
+        i, q = self.before(at), self.values
         step = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
-        if rate is None or rate.step * FASTER >= self.step:
-            turn = self._share(i, at) * step[i]
-        else:
+        turn = self._share(i, at) * step[i]
+        if rate is not None:
             own = rate.integral(self.t)
-            turn = (rate.integral(at) - own[i]) + self._share(i, at) * (
-                step[i] - (own[i + 1] - own[i])
-            )
+            missed = self._share(i, at) * (own[i + 1] - own[i])
+            follows = (rate.integral(at) - own[i]) - missed
+            turn = turn + follows * self.within_wide(rate, i)
         out = attitude.multiply(q[i], attitude.from_rotation_vector(turn))
         return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+    def within_wide(self, rate: "Signal", i: np.ndarray) -> np.ndarray:
+        """Return which intervals i (m,) of samples hold several of a rate, or are gaps that do,
+        (m, 1).
+        """
+        gap = np.diff(self.t)[i] > max(GAP * self.step, FASTER * rate.step)
+        return (gap | (rate.step * FASTER < self.step))[:, None]
 
     def averaged(self, at: np.ndarray, width: float) -> np.ndarray:
         """Return the mean about each time, (m, k); linear where the samples are no denser.
@@ -179,7 +185,7 @@ class Signal:
         mean[exact] = x[i[:-1]][exact]  # no rounding where one command fills the interval
         return np.concatenate([mean, x[i[-1:]]])
 
-    def _before(self, at: np.ndarray) -> np.ndarray:
+    def before(self, at: np.ndarray) -> np.ndarray:
         """Return the interval of samples that holds each time, (m,)."""
         return np.clip(np.searchsorted(self.t, at, side="right") - 1, 0, len(self.t) - 2)
 

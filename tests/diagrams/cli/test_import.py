@@ -1,6 +1,8 @@
 """Laws of `np-drake import`."""
 
+import errno
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,6 +77,19 @@ def test_nothing_that_is_there_is_overwritten(table, tmp_path, capsys):
     assert not (tmp_path / "flight.import.yaml").exists()
 
 
+def test_a_full_disk_is_no_fault_of_the_log(table, tmp_path, capsys, monkeypatch):
+    def fills(path, content):
+        path.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", fills)  # of the sheet, behind its flight
+    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("np-drake import: mine/flight.import.yaml: No space left on device (")
+    assert "MB are free). Free some room" in error
+    assert not (tmp_path / "mine").exists()
+
+
 def test_good_logs_are_imported_beside_a_bad_one_which_is_named(table, tmp_path, capsys):
     (tmp_path / "broken.csv").write_text("a,b\n1,2\n")
     assert run(["import", "broken.csv", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 2
@@ -98,15 +113,13 @@ def test_every_real_log_is_imported_without_a_map(real_flights, tmp_path, capsys
     logs = [
         *sorted((real_flights / "imrc").glob("*/*")),
         *sorted((real_flights / "neural_fly").glob("*.csv.gz")),
-        *sorted((real_flights / "ulog").glob("*.ulg")),
+        *sorted((real_flights / "ulog").glob("sample_px4*.ulg")),
     ]
     assert run(["import", *map(str, logs), "--out", str(tmp_path)]) == 0
     sheets = list(tmp_path.glob("*.import.yaml"))
     assert len(sheets) >= len(logs)
     vehicle = Vehicle(name="any", mass=1.0, max_rotor_thrust=100.0)
     for path in (
-        p
-        for p in tmp_path.glob("*.csv")
-        if not p.name.startswith(("eckart", "sample_log", "figure8_", "hover_"))
+        p for p in tmp_path.glob("*.csv") if not p.name.startswith(("eckart", "figure8_", "hover_"))
     ):
         assert open_flights(path, vehicle=vehicle)[0][0].input == "normalised"

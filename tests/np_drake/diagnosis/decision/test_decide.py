@@ -16,6 +16,7 @@ from np_drake.diagnosis.decision.decide import (
     without_late_onsets,
     without_missing_drag,
 )
+from np_drake.diagnosis.decision.support import Support
 from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out import on_held_out
@@ -72,6 +73,14 @@ def test_a_probability_is_that_of_the_model_its_margin_and_its_size(judged_with)
     assert found.probability == pytest.approx(found.in_model)
     assert dc.replace(found, material=0.5).probability == pytest.approx(0.5 * found.in_model)
     assert dc.replace(found, stands_for="no drag pushes").probability == 0.0
+    weak = dc.replace(found, support=Support(1.8, np.full(4, 0.45), tuple("aabb"), np.zeros(0)))
+    assert weak.reason.startswith("it does not predict: 1.8 ")
+    late = dc.replace(weak, timing=0.01)
+    assert "which the logs leave open by" in late.reason
+    assert module._finding(DRAG, {}, late).figures["timing"] == 0.01
+    worse = dc.replace(late, support=dc.replace(weak.support, held_out=np.full(4, -9.0)))
+    assert worse.reason == "held-out flights are predicted better without it"
+    assert "timing" not in module._finding(DRAG, {}, worse).figures
 
 
 def cause(effect) -> Cause:

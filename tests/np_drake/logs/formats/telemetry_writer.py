@@ -19,6 +19,7 @@ def frames(
     *,
     parameters: Mapping[str, float] | None = None,
     autopilot: int = PX4,
+    kind: int = 2,
     boot: float = SINCE,
     port: int = 0,
     warning: tuple[float, str] = (0.0, ""),
@@ -29,6 +30,7 @@ def frames(
 
     Args:
         pulses: (n, k) of the outputs from 1 on [us].
+        kind: of the vehicle, MAV_TYPE.
         warning: of the vehicle, at a time since boot [s].
         clips: samples of its accelerometer that clip between two rows.
     """
@@ -36,7 +38,7 @@ def frames(
 
     vehicle = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
     station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-    out = [(0.0, vehicle.heartbeat_encode(2, autopilot, 0, 0, 4).pack(vehicle))]
+    out = [(0.0, vehicle.heartbeat_encode(kind, autopilot, 0, 0, 4).pack(vehicle))]
     for name, value in (parameters or {}).items():
         told = vehicle.param_value_encode(name.encode(), value, 9, 1, 0)
         out.append((0.0, told.pack(vehicle)))

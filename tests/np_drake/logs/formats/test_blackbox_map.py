@@ -2,6 +2,7 @@
 hold.
 """
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,23 @@ def imported(real_logs) -> list[Imported]:
 def contents(log, *names, **options):
     writer.write(log, writer.main_log({name: np.arange(40) % 7 for name in names}, **options))
     return BLACKBOX.contents(log)
+
+
+@pytest.mark.parametrize(
+    ("firmware", "motors", "kind"),
+    [
+        ("Rotorflight 4.3.0", 2, "a helicopter (Rotorflight 4.3.0)"),
+        ("INAV 7.1.0", 1, "a vehicle of 1 motor (INAV 7.1.0)"),
+        ("Betaflight 4.5.1", 4, ""),
+    ],
+)
+def test_what_is_no_multicopter_is_named(log, firmware, motors, kind):
+    settings = {"Firmware revision": firmware}
+    assert contents(log, *MOTORS[:motors], settings=settings).other == kind
+    packed = log.with_suffix(".bbl.gz")
+    packed.write_bytes(gzip.compress(log.read_bytes()))
+    assert BLACKBOX.recognises(packed, packed.read_bytes())
+    assert BLACKBOX.contents(packed).other == kind
 
 
 @pytest.mark.parametrize(("resolution", "scale"), [("0", 1.0), ("1", 0.1)])

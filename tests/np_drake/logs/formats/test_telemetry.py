@@ -138,6 +138,13 @@ def test_what_a_vehicle_says_of_itself_is_said(flown, tmp_path):
     assert any("shakes by more than 30 m/s2 (VIBRATION)" in line for line in dut.said)
 
 
+def test_a_plane_is_refused_by_its_heartbeat(flown, tmp_path):
+    path = tmp_path / "log.tlog"
+    writer.write(path, writer.frames(flown, pulses(flown), kind=1))
+    with pytest.raises(LogError, match=r"it is that of a plane \(MAV_TYPE 1\)"):
+        import_log(path)
+
+
 def test_a_slow_stream_tells_thrust_and_no_torque(flown, tmp_path):
     path = tmp_path / "log.tlog"
     thin = dc.replace(flown, **{k: getattr(flown, k)[::10] for k in ("t", "p", "q", "v", "w")})

@@ -125,10 +125,11 @@ def import_ardupilot(flown, tmp_path):
     pulses.
     """
 
-    def go(outputs, parameters=None, change=lambda streams: streams, first=1, **options):
+    def go(outputs, parameters=None, change=lambda s: s, first=1, firmware="ArduCopter", **options):
         path = tmp_path / "log.bin"
         streams = change(autopilots.ardupilot(flown, outputs, first))
-        writer("dataflash").write(path, streams, parameters=parameters or {})
+        told = {"parameters": parameters or {}, "firmware": f"{firmware} V4.5.7"}
+        writer("dataflash").write(path, streams, **told)
         return import_log(path, **options)
 
     return go

@@ -143,6 +143,7 @@ def test_rows_within_a_gap_of_the_state_are_marked():
 )
 def test_a_gap_is_judged_by_rate_and_motion(rate, lost, gap):
     signals = signals_at({}, 20.0)
+    del signals["acceleration"]  # which would bridge it
     t = np.arange(0.0, 20.0, 1.0 / rate)
     turn = 2.0 * np.clip(t - 10.0, 0.0, None)
     v = 0.1 * np.cos(2 * t) + 2 * np.sin(turn)
@@ -154,6 +155,22 @@ def test_a_gap_is_judged_by_rate_and_motion(rate, lost, gap):
     inside = (dut.t > lost[0]) & (dut.t < lost[1])
     assert dut.filled[inside].all()
     assert dut.torn[inside].all() if gap else not dut.torn.any()
+
+
+@pytest.mark.parametrize("lacks", [(), ("velocity",)])
+def test_gyro_and_accelerometer_bridge_a_gap_of_the_pose(lacks):
+    signals = {name: own for name, own in signals_at({}).items() if name not in lacks}
+    pose = [name for name in ("position", "velocity", "attitude") if name in signals]
+    for name in pose:
+        own = signals[name]
+        keep = (own.t < 3.0) | (own.t > 3.6)
+        signals[name] = Signal(own.t[keep], own.values[keep])
+    dut = align(signals, dc.replace(PLAIN, **dict.fromkeys(lacks, Source())))
+    gap = (dut.t > 3.0) & (dut.t < 3.6)
+    assert dut.filled[gap].all()
+    assert not dut.torn.any()
+    for name, error in (("position", 5e-3), ("velocity", 0.02), ("attitude", 1e-6)):
+        assert np.abs(dut.values[name] - truth(dut.t)[name])[gap].max() < error  # [m, m/s, 1]
 
 
 def test_signals_that_do_not_overlap_are_refused():

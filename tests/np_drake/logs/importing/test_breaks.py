@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.logs.formats.format import Stream
-from np_drake.logs.importing.breaks import find_breaks, split
+from np_drake.logs.importing.breaks import find_breaks, split, without_frozen_poses
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.signals import Signal
 from tests.np_drake.logs.importing import autopilot_streams as autopilots
@@ -73,3 +73,49 @@ def test_a_reset_of_the_attitude_breaks_and_one_bad_sample_does_not():
     place[100] += 5.0
     yaw[:, 2] = 0.2 * t
     assert find_breaks({**signals, "attitude": Signal(t, yaw)}, log_map, []) == []
+
+
+T = 0.01 * np.arange(900)
+TURNING = LogMap(
+    position=Source(["x", "y", "z"]),
+    attitude=Source(["roll", "pitch", "yaw"], "rad"),
+    rates=Source(["p", "q", "r"]),
+)
+
+
+def yawing(yaw: np.ndarray, gyro: np.ndarray) -> dict[str, Signal]:
+    o = 0 * T
+    place = Signal(T, np.column_stack([yaw, o, o]))
+    turn, rate = np.column_stack([o, o, yaw]), np.column_stack([o, o, gyro])
+    return {"position": place, "attitude": Signal(T, turn), "rates": Signal(T, rate)}
+
+
+def test_a_pose_that_repeats_while_the_gyro_turns_is_frozen():
+    yaw, gyro = 0.5 * np.sin(T), 0.5 * np.cos(T) + 0.05  # with a bias [rad/s]
+    yaw[650:680] = yaw[650]
+    signals, (span,), (said,) = without_frozen_poses(yawing(yaw, gyro), TURNING)
+    assert (span.before, span.after) == pytest.approx((T[650], T[681]))
+    for name in ("position", "attitude"):
+        assert len(signals[name].t) == len(T) - 30
+    assert len(signals["rates"].t) == len(T)
+    assert said.endswith("30 rows, 0.31 s in 1 stretches, left out")
+    found = find_breaks(signals, TURNING, [], frozen=[span])
+    assert [b.reason for b in found] == ["the pose repeats while the gyro turns"]
+    inertial = {**signals, "acceleration": signals["rates"]}
+    assert find_breaks(inertial, TURNING, [], frozen=[span]) == []
+
+
+@pytest.mark.parametrize(
+    "seen", [lambda yaw: yaw, lambda yaw: np.round(yaw, 2)], ids=["fine", "coarse"]
+)
+def test_a_pose_at_rest_or_of_coarse_resolution_is_alive(seen):
+    turns = T > 4.0
+    yaw = np.where(turns, 0.2 * np.sin(T - 4.0), 0.0)
+    gyro = np.where(turns, 0.2 * np.cos(T - 4.0), 0.0) + 0.05 + 1e-3 * np.sin(50 * T)
+    assert without_frozen_poses(yawing(seen(yaw), gyro), TURNING)[1:] == ([], [])
+
+
+def test_a_whole_row_that_repeats_is_no_frozen_pose():
+    rows = np.where((T > 6.5) & (T < 6.8), 650, np.arange(len(T)))
+    yaw, gyro = 0.5 * np.sin(T), 0.5 * np.cos(T)
+    assert without_frozen_poses(yawing(yaw[rows], gyro[rows]), TURNING)[1:] == ([], [])

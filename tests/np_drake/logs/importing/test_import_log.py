@@ -12,6 +12,7 @@ from np_drake.logs.columns import COLUMNS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import read, write_log
 from np_drake.logs.formats.text_table import write_csv
+from np_drake.logs.importing.alignment import POSE
 from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.import_log import import_log, lacking, looks
 from np_drake.logs.importing.log_map import Source, load_map_file
@@ -23,12 +24,13 @@ def written(excited, conventions, tmp_path):
     map.
     """
 
-    def go(own=(), declared=(), *, t=None, log=excited, **options):
+    def go(own=(), declared=(), *, t=None, log=excited, pose=slice(None), **options):
         log_map = changed(conventions.plain_map(command="held_after"), own)
         columns = conventions.columns_in(log_map, conventions.quantities_of(log))
         table = {"t": log.t if t is None else t}
         for name, source in log_map.sources():
-            table |= dict(zip(source.columns, columns[name].T, strict=True))
+            rows = pose if name in POSE else slice(None)
+            table |= dict(zip(source.columns, columns[name][rows].T, strict=True))
         lines = [",".join(table)] + [
             ",".join(map(repr, map(float, row))) for row in zip(*table.values(), strict=True)
         ]
@@ -54,6 +56,19 @@ def test_a_log_of_ours_comes_back_without_a_map(excited, tmp_path):
     same(flight, excited)
     assert np.allclose(flight.a, excited.a, rtol=0, atol=1e-9)
     assert flight.timing == 0.0
+
+
+def test_a_frozen_pose_is_bridged_and_the_flight_stays_one(written, flown):
+    kept = np.arange(len(flown))
+    kept[200:240], kept[500:555] = 200, 500
+    kept[555:559] = 530  # an old pose, before it thaws
+    found = written(log=flown, pose=kept)
+    (flight,) = found.flights
+    said = "the pose repeats while the gyro turns: 98 rows, 1 s in 2 stretches, left out"
+    assert found.said == (said,)
+    assert flight.in_gap.sum() == pytest.approx(98, abs=3)
+    assert np.abs(flight.p - flown.p).max() < 0.02  # [m]
+    assert np.abs(flight.v - flown.v).max() < 0.1  # [m/s]
 
 
 def test_a_planar_pose_is_refused_and_never_taken_for_millimetres(written, excited):

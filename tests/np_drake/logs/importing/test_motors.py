@@ -175,3 +175,54 @@ def test_motors_seen_ten_times_a_second_tell_thrust_and_no_torque(flown, import_
     lift = np.sum(ours**2, axis=1)
     theirs = np.interp(dut.t, flown.t, lift)
     assert np.corrcoef(dut.throttle[20:-20, 0] ** 2, theirs[20:-20])[0, 1] > 0.9
+
+
+@pytest.mark.parametrize(
+    ("told", "kind"),
+    [
+        ({"MAV_TYPE": 22.0}, "a VTOL (MAV_TYPE 22)"),
+        ({"MAV_TYPE": 10.0}, "a rover (MAV_TYPE 10)"),
+        ({"CA_AIRFRAME": 2.0}, "a VTOL (CA_AIRFRAME 2)"),
+        ({"MAV_TYPE": 15.0}, "a tricopter (MAV_TYPE 15)"),
+    ],
+)
+def test_what_is_no_px4_multicopter_is_refused_or_read_by_a_map(
+    flown, import_px4, tmp_path, told, kind
+):
+    outputs = {"actuator_motors": autopilots.throttle(flown)}
+    with pytest.raises(LogError) as error:
+        import_px4(outputs, told)
+    assert f"must be the log of a multicopter; it is that of {kind}. A map" in str(error.value)
+    motors = [f"actuator_motors/control[{i}]" for i in range(4)]
+    (tmp_path / "map.yaml").write_text(f"throttle: {{columns: {motors}, unit: '1'}}\n")
+    dut = import_px4(outputs, told, log_map=load_map_file(tmp_path / "map.yaml"))
+    assert dut.said[0].startswith(f"no multicopter: {kind}; ")
+
+
+@pytest.mark.parametrize(
+    ("firmware", "told", "kind"),
+    [
+        ("ArduRover", {}, "a rover (ArduRover V4.5.7)"),
+        ("APM:Plane", {}, "a plane (APM:Plane V4.5.7)"),
+        ("ArduPlane", {"Q_ENABLE": 1.0}, "a VTOL: a plane (ArduPlane V4.5.7) with Q_ENABLE"),
+        ("ArduCopter", {"FRAME_CLASS": 7.0}, "a tricopter (FRAME_CLASS 7)"),
+        ("Frame: HELI", {}, "a helicopter (FRAME_CLASS 6)"),
+    ],
+)
+def test_what_is_no_ardupilot_multicopter_is_refused(flown, import_ardupilot, firmware, told, kind):
+    pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
+    with pytest.raises(LogError) as error:
+        import_ardupilot(pulses, told, firmware=firmware)
+    assert f"must be the log of a multicopter; it is that of {kind}. A map" in str(error.value)
+
+
+def test_an_x8_is_read_as_what_it_is(flown, import_ardupilot, import_px4):
+    ours = np.tile(autopilots.throttle(flown), 2)
+    said = "8 motors: their collective thrust alone is taken, torque is not told"
+    dut = import_ardupilot(1000.0 + 1000.0 * ours, {"FRAME_CLASS": 4.0})
+    assert dut.said[0] == f"octaquad (X8), {said}"
+    for word, angle in (("coaxial rotors, ", np.pi / 2), ("", np.pi / 4)):
+        corners = {f"CA_ROTOR{n}_PX": np.cos(angle * n).round(6) for n in range(8)}
+        corners |= {f"CA_ROTOR{n}_PY": np.sin(angle * n).round(6) for n in range(8)}
+        dut = import_px4({"actuator_motors": ours}, {"CA_ROTOR_COUNT": 8.0} | corners)
+        assert dut.said[0] == f"{word}{said}"
