@@ -82,6 +82,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import said_of_bridged
 from np_drake.logs.inputs import with_hover_thrust, with_throttle_map
 from np_drake.logs.opening import with_neighbours
+from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
 
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
@@ -391,6 +392,7 @@ def _answer(
     answer = Diagnosis(
         vehicle=flights[0].vehicle.name,
         nominal=flights[0].vehicle,
+        rotors=tuple(named_rotors([e.log for e in (*flights, *judging)], flights[0].vehicle)),
         train=tuple(e.name for e in flights if e.name not in own),
         held_out=tuple(e.name for e in judging),
         joined=tuple(e.name for e in judging if e.joined.any()),

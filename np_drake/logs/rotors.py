@@ -22,7 +22,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.importing.signals import Signal
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rotor_layout import CORNERS, NEAR, RotorLayout
+from np_drake.vehicle.rotor_layout import NEAR, RotorLayout, RotorName, places, rotor_names
 
 BAND = (
     0.7,
@@ -122,6 +122,12 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
     return np.where(excited, best[0], np.nan), best[1]
 
 
+def named_rotors(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[RotorName]:
+    """Return what the rotors of a vehicle are called, also in logs that are in its order."""
+    motors = [log.motors for log in logs if log.layout is None]
+    return rotor_names(vehicle.rotor_positions, motors)
+
+
 def is_each(values: np.ndarray | None) -> bool:
     """Return whether there is a column of each of four rotors."""
     return values is not None and values.shape[1] == 4
@@ -162,7 +168,6 @@ FOUND = 0.3
 TURNS = 0.2
 # log likelihood ratio from which an order is preferred to another [nat]; own choice: 1 in 22,000
 SURE = 10.0
-NAMED = CORNERS | {(1, 0): "front", (0, 1): "left", (-1, 0): "rear", (0, -1): "right"}
 NOTE = "rotor columns"
 Seen = Mapping[RotorLayout | None, Sequence[Evidence]]
 
@@ -383,21 +388,20 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
             raise
         # Their collective thrust is told all the same.
         said = f"the balance of the rotors is not used: {error}"
-        return dc.replace(log, balance=None, layout=None, notes=[*log.notes, said])
+        notes = [*log.notes, said]
+        return dc.replace(log, balance=None, layout=None, motors=(), notes=notes)
     layout, log = log.layout, dc.replace(log, layout=None)
     if order == list(range(4)):
         return log
-    taken = ", ".join(str(number + 1) for number in order)
-    return _reordered(
-        log,
-        order,
-        f"rotors 1, 2, 3, 4 of the vehicle file are {taken} of the log ({layout.source})",
-    )
+    taken = ", ".join(log.motors[i] if log.motors else f"{i + 1} of the log" for i in order)
+    note = f"rotors 1, 2, 3, 4 of the vehicle file are {taken} ({layout.source})"
+    return _reordered(log, order, note)
 
 
 def _reordered(log: FlightLog, order: list[int], note: str) -> FlightLog:
     columns = {name: getattr(log, name)[:, order] for name in EACH if is_each(getattr(log, name))}
-    return dc.replace(log, **columns, notes=[*log.notes, note])
+    motors = tuple(log.motors[i] for i in order) if log.motors else ()
+    return dc.replace(log, **columns, motors=motors, notes=[*log.notes, note])
 
 
 def _better(best: RotorOrder, own: RotorOrder) -> bool:
@@ -413,15 +417,10 @@ def _described(order: RotorOrder, vehicle: Vehicle) -> str:
     """Return the columns in words: where each rotor lies, and which way it turns, seen from
     above.
     """
-    positions = np.array(vehicle.rotor_positions, float)[list(order.rotors), :2]
-    sign = np.sign(
-        np.where(np.abs(positions) < 0.1 * np.abs(positions).max(), 0.0, positions)
-    ).astype(int)
-    names = [
-        NAMED.get((x, y), f"rotor {i + 1}") for (x, y), i in zip(sign, order.rotors, strict=True)
-    ]
+    names = places(vehicle.rotor_positions)
     turns = ["cw" if d > 0 else "ccw" for d in order.directions]
-    return ", ".join(f"{name} ({turn})" for name, turn in zip(names, turns, strict=True))
+    named = zip(order.rotors, turns, strict=True)
+    return ", ".join(f"{names[i]} ({turn})" for i, turn in named)
 
 
 def _figures(order: RotorOrder) -> str:

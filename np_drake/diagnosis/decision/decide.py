@@ -26,7 +26,9 @@ from np_drake.effects.base import Effect
 from np_drake.effects.effect_entry import Posterior
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.number_text import measure, number, percent, probability
+from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rotor_layout import RotorName
 
 LAST = 1.0  # of a flight, in which an onset is none [s]; own choice
 MOST_ALTERNATIVES = 2  # effects named as indistinguishable from a cause
@@ -134,6 +136,7 @@ def decide(
     key = names_of_fit(fit)
     same = equivalents(problem, members[key]) if key in members else {}
     every = [*problem.flights, *held.flights]
+    rotors = named_rotors([e.log for e in every], every[0].vehicle)
     causes, minor = [], []
     for i, (term, support) in enumerate(zip(fit.terms, support_of(ranking, held), strict=True)):
         name, effect = term.effect.identifier, term.effect
@@ -154,14 +157,25 @@ def decide(
                     found.size.gap,
                     effect,
                     changed=has_changed(ranking, i),
+                    rotor=_rotor_of(effect, rotors),
                 )
             )
         else:
-            minor.append(_finding(effect, parameters, found))
+            minor.append(_finding(effect, parameters, found, rotors))
     return without_missing_drag(causes, minor)
 
 
-def _finding(effect: Effect, parameters: Mapping[str, Estimate], found: Judgement) -> Finding:
+def _rotor_of(effect: Effect, rotors: Sequence[RotorName]) -> RotorName | None:
+    """Return what the rotor of an effect is called; None where it has none."""
+    return rotors[round(effect.values["rotor"]) - 1] if "rotor" in effect.values else None
+
+
+def _finding(
+    effect: Effect,
+    parameters: Mapping[str, Estimate],
+    found: Judgement,
+    rotors: Sequence[RotorName],
+) -> Finding:
     """Return what is said of an effect that is no cause."""
     units = {
         n: "share" if effect.shares and e.unit == "1" else e.unit for n, e in parameters.items()
@@ -170,6 +184,8 @@ def _finding(effect: Effect, parameters: Mapping[str, Estimate], found: Judgemen
     size = found.size
     shares = f"{percent(size.force)} of weight, {percent(size.torque)} of torque"
     figures = {"force": size.force, "torque": size.torque, "probability": found.probability}
+    if rotor := _rotor_of(effect, rotors):
+        values = values.replace(f"rotor {rotor.number}", str(rotor))
     text = f"{values}: {found.reason} ({shares})"
     return Finding(effect.identifier, text, size.gap, figures)
 

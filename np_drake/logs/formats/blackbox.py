@@ -178,6 +178,9 @@ def _inav_map(contents: Contents) -> LogMap:
     )
 
 
+FIRMWARES = {"inav": "INAV", "indiflight": "Indiflight"}  # by the key of the version
+
+
 def motors(contents: Contents) -> Motors:
     """Return the motors of a log, and their layout, that of Betaflight's Quad X, where they are
     four.
@@ -205,7 +208,9 @@ def motors(contents: Contents) -> Motors:
     ):  # written in hundreds of electrical revolutions a minute
         names = (indexed(f"main/{name}", 4) for name in ("eRPM", "eRPM(/100)"))
         speed = first_source(contents, names, unit="rpm", scale=200 / told["motor_poles"])
-    return Motors(throttle, speed, FIRMWARE["betaflight"])
+    firmware = next((name for key, name in FIRMWARES.items() if key in told), "Betaflight")
+    names = tuple(f"{firmware} motor {n}" for n in (1, 2, 3, 4))
+    return Motors(throttle, speed, FIRMWARE["betaflight"], names=names)
 
 
 def _gyro_delay(told: dict[str, float]) -> float:

@@ -114,6 +114,7 @@ class Motors:
     throttle: of each motor in the order of the autopilot, 4 or more; empty: none.
     rotor_speed: of four, in that order.
     layout: where these four are; None: not stated, or they are not four.
+    names: of these four; empty: those of their columns.
     notes: one line each. unit: whether the log states that of the throttle; otherwise outputs are
         pulses or DShot counts.
     """
@@ -123,6 +124,7 @@ class Motors:
     layout: RotorLayout | None = None
     notes: tuple[str, ...] = ()
     unit: bool = True
+    names: tuple[str, ...] = ()
 
 
 def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, str]:

@@ -83,7 +83,12 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
         _layout(parameters, lifting) if 4 in (len(throttle.columns), len(speed.columns)) else None
     )
     return Motors(
-        throttle, speed, layout, tuple(notes), unit=throttle.unit != "us" or bool(throttle.ends)
+        throttle,
+        speed,
+        layout,
+        tuple(notes),
+        unit=throttle.unit != "us" or bool(throttle.ends),
+        names=tuple(f"PX4 motor {n + 1}" for n in lifting or range(4)) if count == 4 else (),
     )
 
 
