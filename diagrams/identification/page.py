@@ -85,7 +85,7 @@ def content(
         ],
         "quantities": [
             [
-                q.name,
+                q.title,
                 *interval(q),
                 prior_interval(q),
                 "flights" if q.told else "prior",
@@ -93,7 +93,7 @@ def content(
             ]
             for q in found.quantities
         ],
-        "agreeing": [told.quantity.name for told in each if not told.differ],
+        "agreeing": [told.quantity.title for told in each if not told.differ],
         "differing": [f"{capital(sentence)}." for sentence in differences(each)],
         "numbers": ", ".join(
             f"{i + 1} {plain_name(model.flight.name)}" for i, model in enumerate(found.models)
@@ -215,14 +215,14 @@ def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
     traded = {name for pair in trades(found) for names in pair for name in names}
     ways: dict[str, list[Identified]] = {}
     for q in found.quantities:
-        if not q.told and q.quantity.manoeuvre and q.name not in traded:
+        if not q.told and q.quantity.manoeuvre and q.title not in traded:
             ways.setdefault(q.quantity.manoeuvre, []).append(q)
     silent = [q.name for q in QUANTITIES if not found.parts.issuperset({*q.needs} & {"rotors"})]
     alone = [(EACH_ROTOR, silent, "the log does not say what turns each rotor")] if silent else []
     return alone + [
         (
             way,
-            [q.name for q in names],
+            [q.title for q in names],
             "; ".join(dict.fromkeys(q.quantity.why for q in names if q.quantity.why)),
         )
         for way, names in ways.items()
@@ -236,7 +236,7 @@ def summary(found: Identification) -> list[str]:
         f"not told: {', '.join(names)}; {way} would tell" for way, names, _ in not_told(found)
     ]
     lines += traded(found)
-    silent = (q.name for q in found.quantities if not q.told and not q.quantity.manoeuvre)
+    silent = (q.title for q in found.quantities if not q.told and not q.quantity.manoeuvre)
     lines += [f"not told: {name}" for name in silent]
     if differing := differences([*own_values(found), *flight_values(found)]):
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
@@ -256,8 +256,8 @@ def differences(each: Sequence[FlightValues]) -> list[str]:
     for all else.
     """
     differing = [told for told in each if told.differ]
-    plain = [told.quantity.name for told in differing if not told.apart]
-    alone = [told.text for told in differing if told.quantity.name not in plain]
+    plain = [told.quantity.title for told in differing if not told.apart]
+    alone = [told.text for told in differing if told.quantity.title not in plain]
     return [f"flights differ in: {'; '.join(plain)}", *alone] if plain else alone
 
 
@@ -330,7 +330,7 @@ def interval_figure(found: Identification) -> Figure:
         )
         told, both = interval(q)
         ax.text(REACH + 0.12, place, f"{told}   ({both})", va="center")
-    ax.set_yticks(range(len(shown)), [q.name for q in shown])
+    ax.set_yticks(range(len(shown)), [q.title for q in shown])
     ax.set(xlim=(-REACH, REACH), ylim=(len(shown) - 0.4, -0.6), xticks=[-2, -1, 0, 1, 2])
     ax.set_xlabel(
         "place in the prior: 0 its middle, ±1 its 95 % (of logarithms where a quantity is positive)"
@@ -383,7 +383,7 @@ def _flights(ax, told: FlightValues) -> None:
             ax.plot(i, factor * told.value[i], mark, markersize=5, color=colour, label=label)
     p = "" if math.isnan(q.p) else f"p {q.p:.2g}" if q.p >= 0.001 else "p < 0.001"
     weight = "bold" if told.differ else "normal"
-    ax.set_title(q.name, loc="left", fontsize=10, fontweight=weight)
+    ax.set_title(q.title, loc="left", fontsize=10, fontweight=weight)
     ax.set_title(p, loc="right", fontsize=10, fontweight=weight)
     ax.set_ylabel(f"[{shown or '1'}]")
     ax.ticklabel_format(axis="y", useOffset=False)

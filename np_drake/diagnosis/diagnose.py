@@ -30,8 +30,9 @@ from np_drake.diagnosis.decision.decide import (
     estimates,
     joint_posterior,
     without_late_onsets,
+    without_missing_drag,
 )
-from np_drake.diagnosis.decision.support import visible_changes
+from np_drake.diagnosis.decision.support import support_of, visible_changes
 from np_drake.diagnosis.decision.unexplained import (
     Indication,
     LinearModel,
@@ -146,14 +147,16 @@ def as_named(found: Inference) -> Inference:
     not.
 
     What is not named gives way to calibration and the causes, which were fitted beside it. A lag or
-    delay that the logs leave open is calibration too.
+    delay that the logs leave open is calibration too. A cause that predicted beside what is not
+    named alone is none: each must predict given the others.
     """
     named, ranking = {c.identifier for c in found.causes}, found.ranking
     vehicle, options = ranking.problem.flights[0].vehicle, ranking.options
     effects = [t.effect for t in ranking.best.terms]
     open_ = frozenset(e.identifier for e in effects if options.within_timing(e, vehicle))
-    if not open_ and not named < {e.identifier for e in effects}:
-        return found
+    every = {e.identifier for e in effects}
+    if not named <= every or not (open_ or named < every):
+        return found  # gusts are fitted otherwise; nothing gives way
     fit = fit_of_some(ranking.problem, ranking.best, named | open_, ranking.noise)
     ranking = dc.replace(ranking, fits=(fit, *ranking.fits))
     terms = {t.effect.identifier: i for i, t in enumerate(fit.terms)}
@@ -166,7 +169,17 @@ def as_named(found: Inference) -> Inference:
         for c in found.causes
     ]
     held = dc.replace(_held_out(ranking, found.held.flights), calibrations=open_)
-    return dc.replace(found, ranking=ranking, held=held, causes=causes)
+    predicts = dict(zip(terms, support_of(ranking, held), strict=True))
+    least = options.thresholds.cause_probability
+    kept = [c for c in causes if predicts[c.identifier].factor >= least]
+    lost = [
+        Finding(c.identifier, predicts[c.identifier].reason, c.share)
+        for c in causes
+        if c not in kept
+    ]
+    kept, minor = without_missing_drag(kept, [*found.below_threshold, *lost])
+    now = dc.replace(found, ranking=ranking, held=held, causes=kept, below_threshold=minor)
+    return as_named(now) if lost else now
 
 
 def _held_out(ranking: Ranking, held_out: Sequence[FlightResiduals]) -> HeldOut:

@@ -25,7 +25,7 @@ from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
 from np_drake.effects.base import Effect
 from np_drake.effects.effect_entry import Posterior
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.files.number_text import measure, number, percent, probability
+from np_drake.files.number_text import measure, percent, probability
 from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rotor_layout import RotorName
@@ -54,13 +54,9 @@ class Judgement:
 
     @property
     def probability(self) -> float:
-        """Probability of a cause [1]; what held-out flights contradict is never more probable than
-        not.
-        """
-        found = self.in_model * self.material
-        if self.support is not None:
-            found *= self.support.probability * (0.5 if self.support.contradicted else 1.0)
-        return 0.0 if self.stands_for else found
+        """Probability of a cause [1]."""
+        predicts = 1.0 if self.support is None else self.support.factor
+        return 0.0 if self.stands_for else self.in_model * self.material * predicts
 
     @property
     def reason(self) -> str:
@@ -71,10 +67,8 @@ class Judgement:
         }
         if (support := self.support) is not None:
             if support.contradicted and not self.stands_for:
-                return "held-out flights are predicted better without it"
-            gained = f"{number(support.total, 2)} ± {number(support.error, 2)} nat"
-            predicts = f"it does not predict: {gained} in time that did not fit it"
-            factors[predicts] = support.probability
+                return support.reason
+            factors[support.reason] = support.probability
         return self.stands_for or min(factors, key=lambda why: factors[why])
 
 

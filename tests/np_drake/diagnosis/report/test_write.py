@@ -7,6 +7,8 @@ import re
 import pytest
 
 from np_drake.diagnosis.report.page import figures, write_report
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rotor_layout import rotor_names
 
 HOSTILE = '<script>alert("x")</script>&$\\frac{$ 飞.csv'
 

@@ -41,8 +41,7 @@ def test_px4_motors_come_into_the_order_of_the_vehicle_file(flown, import_px4, t
     np.testing.assert_allclose(dut.throttle, ours, atol=1e-9)
     assert (
         "rotors 1, 2, 3, 4 of the vehicle file are PX4 motor 3, PX4 motor 1, PX4 motor 4, PX4 "
-        "motor 2 (CA_ROTORn_PX, PY, KM)"
-        in dut.notes
+        "motor 2 (CA_ROTORn_PX, PY, KM)" in dut.notes
     )
     assert read_sheet(tmp_path / "flight.csv").rotors == found.sheet.rotors
 
