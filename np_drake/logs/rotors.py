@@ -5,7 +5,7 @@ the columns to the rotors of the vehicle file, and each pattern of directions, t
 follows is correlated with J dw/dt + w x J w, about each axis, in a band below the controller's
 noise. Sizes do not count: thrust coefficient and inertia may be guesses. The score of an assignment
 is the log likelihood ratio of two Gaussian signals over their independent samples. All flights
-whose columns are in one order tell it together.
+whose columns are in one order tell it together. What is flown after a motor failed does not count.
 """
 
 import dataclasses as dc
@@ -19,6 +19,7 @@ import scipy
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
+from np_drake.logs.importing.laws import stretches
 from np_drake.logs.importing.signals import Signal
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
@@ -35,6 +36,10 @@ DELAYS = (
     0.06,
 )  # of thrust behind a commanded throttle that are tried [s]; own choice
 LEAST_SECONDS = 3.0  # of a flight whose torque is looked at [s]; own choice
+# Size of w x J w over that of all that turns the vehicle, from which it spins [1]; own choice: a
+# half. There the inertia counts, which may be a guess.
+SPINS = 0.5
+ABOUT = 1.5  # time about a spin without control [s]; source: a period of the lowest frequency
 
 EACH = ("rotor", "throttle", "balance")  # fields of a log with a column for each rotor
 
@@ -75,12 +80,13 @@ def evidence(log: FlightLog, vehicle: Vehicle) -> Evidence | None:
     Args:
         vehicle: with positions and directions of the rotors, and the inertia.
     """
+    log = _without_spins(log, vehicle)
     columns = (
         log.rotor**2 if log.rotor is not None else log.throttle if is_each(log.throttle) else None
     )
     if columns is None or not _long_and_fast(log):
         return None
-    turn, moved = _in_band(log, vehicle, columns, (0.0,) if log.rotor is not None else DELAYS)
+    turn, _, moved = _in_band(log, vehicle, columns, (0.0,) if log.rotor is not None else DELAYS)
     positions = np.array(vehicle.rotor_positions, float)
     rotors, d = (np.array(values) for values in zip(*assignments(vehicle), strict=True))
     arms = np.stack([positions[rotors, 1], -positions[rotors, 0], d], axis=1)  # (m, 3, 4)
@@ -107,7 +113,7 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
     if not np.isfinite(log.u).all() or not _long_and_fast(log):
         return None
     delays = (0.0,) if log.input == "rotor_speed" else DELAYS
-    turn, moved = _in_band(log, vehicle, log.u[:, 1:], delays)
+    turn, _, moved = _in_band(log, vehicle, log.u[:, 1:], delays)
     size = np.linalg.norm(turn, axis=0)
     best = (np.full(3, -np.inf), np.ones(3))
     for torque in moved:
@@ -117,7 +123,7 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
             best = correlation, size / own
     # White noise has in the band the power that an impulse of its size has.
     impulse = np.outer(scipy.signal.unit_impulse(len(log), "mid"), white_noise([log.w]))
-    noise, _ = _in_band(dc.replace(log, w=impulse), vehicle, log.u[:, 1:], ())
+    noise, *_ = _in_band(dc.replace(log, w=impulse), vehicle, log.u[:, 1:], ())
     excited = np.mean(turn**2, axis=0) > 2 * np.sum(noise**2, axis=0)
     return np.where(excited, best[0], np.nan), best[1]
 
@@ -128,13 +134,34 @@ def named_rotors(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[RotorName]
     return rotor_names(vehicle.rotor_positions, motors)
 
 
+OFF_ENDS = 0.5  # of what is filtered, at its ends [s]; own choice
+
+
 def is_each(values: np.ndarray | None) -> bool:
     """Return whether there is a column of each of four rotors."""
     return values is not None and values.shape[1] == 4
 
 
 def _long_and_fast(log: FlightLog) -> bool:
-    return log.t[-1] - log.t[0] >= LEAST_SECONDS and 2.5 * BAND[0] * log.step < 0.4
+    return len(log) > 1 and log.t[-1] - log.t[0] >= LEAST_SECONDS and 2.5 * BAND[0] * log.step < 0.4
+
+
+def _without_spins(log: FlightLog, vehicle: Vehicle) -> FlightLog:
+    """Return the longest part of a flight in which the vehicle does not spin, as with a failed
+    motor.
+    """
+    if not _long_and_fast(log):
+        return log
+    turn, twist, _ = _in_band(log, vehicle, log.w, ())
+    rows = round(ABOUT / log.step)
+    sizes = [scipy.ndimage.uniform_filter1d(np.sum(x**2, axis=1), rows) for x in (twist, turn)]
+    spins = scipy.ndimage.maximum_filter1d(sizes[0] > SPINS**2 * sizes[1], 2 * rows + 1)
+    if not spins.any():
+        return log
+    parts = [*stretches(~spins).tolist(), [0, 0]]
+    first, after = max(parts, key=lambda part: part[1] - part[0])
+    start, stop = np.searchsorted(log.t, log.t[0] + OFF_ENDS + log.step * np.array([first, after]))
+    return log.rows(int(start), int(stop))
 
 
 def _upper(log: FlightLog) -> float:
@@ -144,21 +171,22 @@ def _upper(log: FlightLog) -> float:
 
 def _in_band(
     log: FlightLog, vehicle: Vehicle, columns: np.ndarray, delays: tuple[float, ...]
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return in the band the torque (m, 3) that turned the vehicle, and the columns (m, k), by
-    delay.
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Return in the band the torque (m, 3) that turned the vehicle, w x J w of it, and the columns
+    (m, k), by delay.
     """
     step = log.step
     t = np.arange(log.t[0], log.t[-1], step)
     w, even = Signal(log.t, log.w).linear(t), Signal(log.t, columns)
-    turn = np.gradient(w, step, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
+    twist = np.cross(w, w @ vehicle.J.T)
+    turn = np.gradient(w, step, axis=0) @ vehicle.J.T + twist
     sos = scipy.signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
-    inside = slice(round(0.5 / step), -round(0.5 / step))  # off the filter's ends
+    inside = slice(round(OFF_ENDS / step), -round(OFF_ENDS / step))
     filtered = [
         scipy.signal.sosfiltfilt(sos, x, axis=0)[inside]
-        for x in (turn, *(even.linear(t - d) for d in delays))
+        for x in (turn, twist, *(even.linear(t - d) for d in delays))
     ]
-    return filtered[0], filtered[1:]
+    return filtered[0], filtered[1], filtered[2:]
 
 
 # Correlation about roll and pitch from which an order is found [1]; own choice: flights with the

@@ -79,16 +79,15 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
         if count in (0, 4)
         else [f"{count} motors: their collective thrust alone is taken, torque is not told"]
     )
-    layout = (
-        _layout(parameters, lifting) if 4 in (len(throttle.columns), len(speed.columns)) else None
-    )
+    four = 4 in (len(throttle.columns), len(speed.columns))
+    layout = _layout(parameters, lifting) if four else None
     return Motors(
         throttle,
         speed,
         layout,
         tuple(notes),
         unit=throttle.unit != "us" or bool(throttle.ends),
-        names=tuple(f"PX4 motor {n + 1}" for n in lifting or range(4)) if count == 4 else (),
+        names=tuple(f"PX4 motor {n + 1}" for n in lifting or range(4)) if four else (),
     )
 
 
