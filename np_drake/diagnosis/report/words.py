@@ -414,7 +414,8 @@ def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], lis
         for k, (name, parameter) in enumerate(cause.parameters.items() or [("", None)]):
             shown = estimate(parameter, unit_of(cause, parameter)) if parameter else ("", "")
             if name == "rotor" and cause.rotor:
-                shown = f"{shown[0]}: {cause.rotor.place}", cause.rotor.log or NOTHING
+                called = ", ".join(filter(None, (cause.rotor.place, cause.rotor.log)))
+                shown = f"{shown[0]}: {called}", NOTHING
             rows.append(
                 (cause.identifier, name, *shown, *last)
                 if k == 0
@@ -439,7 +440,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         return ["Fly with more motion in every axis, as np-drake fly multisine does."]
     causes = named_causes(diagnosis)
     out = [
-        f"To check {name_of(c.identifier)}: {check}."
+        f"To check {f'the {c.rotor}' if c.rotor else name_of(c.identifier)}: {check}."
         for c in causes
         if (check := effect_of(c.identifier).bench_check)
     ]
