@@ -326,7 +326,7 @@ def import_log(
     require_a_flight(log_map, f"{path}", lambda fields: known.advice + looks(contents, fields))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
-    names = motors.names or beside.motors or _column_names(log_map)
+    names = _rotor_names(log_map, motors.names or beside.motors)
     signals, said, notes, origin = _signals_of_parts(recording, log_map, str(path), names)
     how = partial(imported_parts, path=str(path), origin=origin, adopt=adopt)
     log_map, parts, told = (
@@ -370,11 +370,11 @@ def import_log(
     )
 
 
-def _column_names(log_map: LogMap) -> tuple[str, ...]:
-    """Return what rotors are called by their columns; empty: there is no column for each."""
+def _rotor_names(log_map: LogMap, stated: tuple[str, ...]) -> tuple[str, ...]:
+    """Return what a log calls its four rotors, else their columns; empty: it has none for each."""
     sources = (log_map.rotor_speed, log_map.throttle)
     columns = next((source.columns for source in sources if len(source.columns) == 4), [])
-    return tuple(f"column {name}" for name in columns)
+    return (stated if columns else ()) or tuple(f"column {name}" for name in columns)
 
 
 def _map_for(
