@@ -74,7 +74,9 @@ def content(
         "headline": headline(found),
         "lead": change(rows),
         "file": VEHICLE,
-        "not_told": [(capital(listed(names)), why, way) for way, names, why in not_told(found)],
+        "not_told": [
+            (capital(listed(titles(found, names))), why, way) for way, names, why in not_told(found)
+        ],
         "header": [
             "quantity",
             "value",
@@ -215,14 +217,14 @@ def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
     traded = {name for pair in trades(found) for names in pair for name in names}
     ways: dict[str, list[Identified]] = {}
     for q in found.quantities:
-        if not q.told and q.quantity.manoeuvre and q.title not in traded:
+        if not q.told and q.quantity.manoeuvre and q.name not in traded:
             ways.setdefault(q.quantity.manoeuvre, []).append(q)
     silent = [q.name for q in QUANTITIES if not found.parts.issuperset({*q.needs} & {"rotors"})]
     alone = [(EACH_ROTOR, silent, "the log does not say what turns each rotor")] if silent else []
     return alone + [
         (
             way,
-            [q.title for q in names],
+            [q.name for q in names],
             "; ".join(dict.fromkeys(q.quantity.why for q in names if q.quantity.why)),
         )
         for way, names in ways.items()
@@ -233,7 +235,8 @@ def summary(found: Identification) -> list[str]:
     """Return what a reader must know, a sentence each."""
     lines = [headline(found)]
     lines += [
-        f"not told: {', '.join(names)}; {way} would tell" for way, names, _ in not_told(found)
+        f"not told: {', '.join(titles(found, names))}; {way} would tell"
+        for way, names, _ in not_told(found)
     ]
     lines += traded(found)
     silent = (q.title for q in found.quantities if not q.told and not q.quantity.manoeuvre)
@@ -243,11 +246,18 @@ def summary(found: Identification) -> list[str]:
     return [*lines, *(f"doubted: {doubt}" for doubt in doubts(found))]
 
 
+def titles(found: Identification, names: Sequence[str]) -> list[str]:
+    """Return the names of quantities for people."""
+    known = {q.name: q.title for q in found.quantities}
+    return [known.get(name, name) for name in names]
+
+
 def traded(found: Identification) -> list[str]:
     """Return what flights tell together alone, a sentence each."""
     return [
-        f"not told apart: {listed(one)} against {listed(other)}; either, measured, tells the other"
-        for one, other in trades(found)
+        f"not told apart: {' against '.join(listed(titles(found, names)) for names in pair)}; "
+        "either, measured, tells the other"
+        for pair in trades(found)
     ]
 
 

@@ -203,7 +203,7 @@ def trades(found: Identification) -> list[tuple[list[str], list[str]]]:
         (one, most), (two, more) = shared(own, other), shared(other, own)
         trading = one and two and max(most, more) > TRADE**2
         if trading and not all(q.told for q in (*one, *two)):
-            pairs.append(([q.title for q in one], [q.title for q in two]))
+            pairs.append(([q.name for q in one], [q.name for q in two]))
     return pairs
 
 

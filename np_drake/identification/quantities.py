@@ -509,7 +509,7 @@ class Identified:
     @property
     def title(self) -> str:
         """Name of the quantity for people, with that of its rotor."""
-        return f"gain of {self.rotor}" if self.rotor else self.name
+        return f"gain of the {self.rotor}" if self.rotor else self.name
 
     @property
     def name(self) -> str:
