@@ -97,7 +97,7 @@ def rotor_figure(vehicle: Vehicle, rotors: Sequence[RotorName], marked: Collecti
     Args:
         marked: numbers of the rotors that stand out.
     """
-    from matplotlib.patches import Circle, FancyArrowPatch
+    from matplotlib.patches import Circle
 
     # Front is up and left is left.
     p = np.array(vehicle.rotor_positions, float)[:, :2] @ np.array([[0.0, 1.0], [-1.0, 0.0]])
@@ -108,25 +108,25 @@ def rotor_figure(vehicle: Vehicle, rotors: Sequence[RotorName], marked: Collecti
     for rotor, centre, turn in zip(rotors, p, vehicle.rotor_directions, strict=True):
         stands_out = rotor.number in marked
         ax.plot(*np.transpose([[0.0, 0.0], centre]), color="0.6", linewidth=3.0, zorder=1)
-        style = {"hatch": "///", "edgecolor": BEFORE} if stands_out else {"edgecolor": "0.4"}
-        ax.add_patch(Circle(centre, radius, facecolor="white", linewidth=2.0, zorder=2, **style))
-        ends = [centre + 0.72 * radius * np.array([side, 0.35]) for side in (-turn, turn)]
-        arc = {**FRONT, "mutation_scale": 11, "zorder": 3}
-        ax.add_patch(FancyArrowPatch(*ends, connectionstyle=f"arc3,rad={-0.5 * turn}", **arc))
-        name = {"ha": "center", "va": "center", "zorder": 4}
-        weight = "bold" if stands_out else "normal"
-        box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
-        ax.text(*centre, str(rotor.number), fontsize=13, weight=weight, bbox=box, **name)
-        below = centre - [0.0, 1.25 * radius]
-        ax.text(*below, rotor.log or rotor.place, fontsize=9, weight=weight, **name)
+        shape = Circle(centre, radius, facecolor="white", linewidth=2.0, zorder=2)
+        shape.set(**(MARKED if stands_out else {"edgecolor": "0.4"}))
+        ax.add_patch(shape)
+        start, end = (centre + 0.72 * radius * np.array([side, 0.35]) for side in (-turn, turn))
+        bent = {**ARROW, "connectionstyle": f"arc3,rad={-0.5 * turn}"}
+        ax.annotate("", end, start, arrowprops=bent, zorder=3)
+        name = {"ha": "center", "va": "center", "weight": "bold" if stands_out else "normal"}
+        ax.text(*centre, str(rotor.number), fontsize=13, bbox=PLAIN_BOX, zorder=4, **name)
+        ax.text(*(centre - [0.0, 1.25 * radius]), rotor.log or rotor.place, fontsize=9, **name)
     reach = span + 1.6 * radius
-    ax.annotate("front", (0.0, 1.3 * reach), (0.0, reach), ha="center", arrowprops=FRONT)
+    ax.annotate("front", (0.0, 1.3 * reach), (0.0, reach), ha="center", arrowprops=ARROW)
     ax.set(xlim=(-reach, reach), ylim=(-reach, 1.3 * reach), aspect="equal")
     ax.set_axis_off()
     return figure
 
 
-FRONT = {"arrowstyle": "-|>", "color": "0.25"}
+ARROW = {"arrowstyle": "-|>", "color": "0.25", "shrinkA": 0.0, "shrinkB": 0.0}
+MARKED = {"hatch": "///", "edgecolor": BEFORE}  # not by colour alone
+PLAIN_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 PAGE, DATA = "report.html", "diagnosis.json"
 

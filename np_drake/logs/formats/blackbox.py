@@ -209,8 +209,8 @@ def motors(contents: Contents) -> Motors:
         names = (indexed(f"main/{name}", 4) for name in ("eRPM", "eRPM(/100)"))
         speed = first_source(contents, names, unit="rpm", scale=200 / told["motor_poles"])
     firmware = next((name for key, name in FIRMWARES.items() if key in told), "Betaflight")
-    names = tuple(f"{firmware} motor {n}" for n in (1, 2, 3, 4))
-    return Motors(throttle, speed, FIRMWARE["betaflight"], names=names)
+    called = tuple(f"{firmware} motor {n}" for n in (1, 2, 3, 4))
+    return Motors(throttle, speed, FIRMWARE["betaflight"], names=called)
 
 
 def _gyro_delay(told: dict[str, float]) -> float:
