@@ -171,11 +171,10 @@ def as_named(found: Inference) -> Inference:
     held = dc.replace(_held_out(ranking, found.held.flights), calibrations=open_)
     predicts = dict(zip(terms, support_of(ranking, held), strict=True))
     least = options.thresholds.cause_probability
-    kept = [c for c in causes if predicts[c.identifier].factor >= least]
+    silent = {n: s for n, s in predicts.items() if s.factor < least and not s.confirmed}
+    kept = [c for c in causes if c.identifier not in silent]
     lost = [
-        Finding(c.identifier, predicts[c.identifier].reason, c.share)
-        for c in causes
-        if c not in kept
+        Finding(c.identifier, silent[c.identifier].reason, c.share) for c in causes if c not in kept
     ]
     kept, minor = without_missing_drag(kept, [*found.below_threshold, *lost])
     now = dc.replace(found, ranking=ranking, held=held, causes=kept, below_threshold=minor)
