@@ -22,10 +22,9 @@ from np_drake.identification.quantities import (
 )
 from np_drake.identification.rate_loop import AxisLoop, identify_rate_loop
 from np_drake.identification.signals import G, Signals, common_drive, signals
-from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.published import published_priors
-from np_drake.vehicle.rotor_layout import RotorName
+from np_drake.vehicle.rotor_layout import RotorName, rotor_names
 from np_drake.vehicle.vehicle import AIR
 
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
@@ -171,7 +170,8 @@ def identify(
             "short; none is told"
         )
     found = estimate(models, layout)
-    rotors = tuple(named_rotors(kept, prior))
+    motors = [log.motors for log in kept if log.layout is None]
+    rotors = tuple(rotor_names(prior.rotor_positions, motors))
     return Identification(
         basis, found, frozenset(known), models, prior, tuple(notes), loops, rotors
     )
