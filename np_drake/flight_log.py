@@ -91,6 +91,7 @@ class FlightLog:
     neighbours: vehicles that flew nearby, on the clock of t.
     layout: where the rotors of `rotor`, `throttle` and `balance` are; None: in the order of the
         vehicle file.
+    motors: names of these rotors in the log that was recorded; empty: not known.
     lacks: what was not logged and is integrated: `attitude`, `velocity`, `height` (position); keys
         of
     `library.REQUIREMENTS`. The specific force in B, R^T (a + g), is that of the accelerometer all
@@ -115,6 +116,7 @@ class FlightLog:
     input: str = "command"  # command | rotor_speed | thrust_only | normalised
     timing: float = 0.0
     layout: RotorLayout | None = None
+    motors: tuple[str, ...] = ()
     lacks: tuple[str, ...] = ()
     start: float = 0.0
     neighbours: tuple[Neighbour, ...] = ()

@@ -307,7 +307,7 @@ def _tables(found: Identification, rows: list[HeldOut]) -> list[Table]:
             "vehicle",
             found.quantities,
             (
-                ("quantity", lambda q: q.name),
+                ("quantity", lambda q: q.title),
                 ("value", lambda q: interval(q)[0]),
                 ("95 %", lambda q: half_width(q, q.low, q.high)),
                 ("prior", lambda q: half_width(q, *q.prior)),
@@ -404,6 +404,7 @@ def _quantity(q: Identified, told: FlightValues | None) -> dict[str, Any]:
         "name": q.name,
         "field": q.quantity.field,
         "index": list(q.quantity.index),
+        **({"rotor": dc.asdict(q.rotor)} if q.rotor else {}),
         "unit": q.quantity.unit,
         "value": q.value,
         "ci95": [q.low, q.high],

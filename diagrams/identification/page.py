@@ -74,7 +74,9 @@ def content(
         "headline": headline(found),
         "lead": change(rows),
         "file": VEHICLE,
-        "not_told": [(capital(listed(names)), why, way) for way, names, why in not_told(found)],
+        "not_told": [
+            (capital(listed(titles(found, names))), why, way) for way, names, why in not_told(found)
+        ],
         "header": [
             "quantity",
             "value",
@@ -85,7 +87,7 @@ def content(
         ],
         "quantities": [
             [
-                q.name,
+                q.title,
                 *interval(q),
                 prior_interval(q),
                 "flights" if q.told else "prior",
@@ -93,7 +95,7 @@ def content(
             ]
             for q in found.quantities
         ],
-        "agreeing": [told.quantity.name for told in each if not told.differ],
+        "agreeing": [told.quantity.title for told in each if not told.differ],
         "differing": [f"{capital(sentence)}." for sentence in differences(each)],
         "numbers": ", ".join(
             f"{i + 1} {plain_name(model.flight.name)}" for i, model in enumerate(found.models)
@@ -233,21 +235,29 @@ def summary(found: Identification) -> list[str]:
     """Return what a reader must know, a sentence each."""
     lines = [headline(found)]
     lines += [
-        f"not told: {', '.join(names)}; {way} would tell" for way, names, _ in not_told(found)
+        f"not told: {', '.join(titles(found, names))}; {way} would tell"
+        for way, names, _ in not_told(found)
     ]
     lines += traded(found)
-    silent = (q.name for q in found.quantities if not q.told and not q.quantity.manoeuvre)
+    silent = (q.title for q in found.quantities if not q.told and not q.quantity.manoeuvre)
     lines += [f"not told: {name}" for name in silent]
     if differing := differences([*own_values(found), *flight_values(found)]):
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
     return [*lines, *(f"doubted: {doubt}" for doubt in doubts(found))]
 
 
+def titles(found: Identification, names: Sequence[str]) -> list[str]:
+    """Return the names of quantities for people."""
+    known = {q.name: q.title for q in found.quantities}
+    return [known.get(name, name) for name in names]
+
+
 def traded(found: Identification) -> list[str]:
     """Return what flights tell together alone, a sentence each."""
     return [
-        f"not told apart: {listed(one)} against {listed(other)}; either, measured, tells the other"
-        for one, other in trades(found)
+        f"not told apart: {' against '.join(listed(titles(found, names)) for names in pair)}; "
+        "either, measured, tells the other"
+        for pair in trades(found)
     ]
 
 
@@ -256,8 +266,8 @@ def differences(each: Sequence[FlightValues]) -> list[str]:
     for all else.
     """
     differing = [told for told in each if told.differ]
-    plain = [told.quantity.name for told in differing if not told.apart]
-    alone = [told.text for told in differing if told.quantity.name not in plain]
+    plain = [told.quantity.title for told in differing if not told.apart]
+    alone = [told.text for told in differing if told.quantity.title not in plain]
     return [f"flights differ in: {'; '.join(plain)}", *alone] if plain else alone
 
 
@@ -330,7 +340,7 @@ def interval_figure(found: Identification) -> Figure:
         )
         told, both = interval(q)
         ax.text(REACH + 0.12, place, f"{told}   ({both})", va="center")
-    ax.set_yticks(range(len(shown)), [q.name for q in shown])
+    ax.set_yticks(range(len(shown)), [q.title for q in shown])
     ax.set(xlim=(-REACH, REACH), ylim=(len(shown) - 0.4, -0.6), xticks=[-2, -1, 0, 1, 2])
     ax.set_xlabel(
         "place in the prior: 0 its middle, ±1 its 95 % (of logarithms where a quantity is positive)"
@@ -383,7 +393,7 @@ def _flights(ax, told: FlightValues) -> None:
             ax.plot(i, factor * told.value[i], mark, markersize=5, color=colour, label=label)
     p = "" if math.isnan(q.p) else f"p {q.p:.2g}" if q.p >= 0.001 else "p < 0.001"
     weight = "bold" if told.differ else "normal"
-    ax.set_title(q.name, loc="left", fontsize=10, fontweight=weight)
+    ax.set_title(q.title, loc="left", fontsize=10, fontweight=weight)
     ax.set_title(p, loc="right", fontsize=10, fontweight=weight)
     ax.set_ylabel(f"[{shown or '1'}]")
     ax.ticklabel_format(axis="y", useOffset=False)

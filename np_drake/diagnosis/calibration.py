@@ -50,8 +50,10 @@ from np_drake.effects.base import ActuatorEffect, Effect, Parameter, SensorEffec
 from np_drake.effects.calibration import in_flight
 from np_drake.files.number_text import number
 from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
+from np_drake.logs.rotors import named_rotors
 from np_drake.rigid_body import V
 from np_drake.vehicle.published import published_priors
+from np_drake.vehicle.rotor_layout import RotorName
 
 AXES, BATTERY = ("roll", "pitch", "yaw"), (ThrustScale, BatterySag)
 SENSORS = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
@@ -422,6 +424,7 @@ def differences(
     input.
     """
     found, vehicle = list[Difference](), flights[0].vehicle
+    rotors = named_rotors([e.log for e in flights], vehicle)
     for k, f in enumerate(fit.free):
         i = f.term - len(fit.terms)
         if i < 0 or f.flight:
@@ -432,13 +435,16 @@ def differences(
         if isinstance(effect, ThrottleCurve):
             found.append(_throttle_map(d, p, hover_exponent(vehicle), effect.curve, sigma))
         elif tolerance.unmeasured or vehicle.measured or d.stated:
-            found.append(_difference(d, p, getattr(effect, f.name) - f.neutral, sigma))
+            found.append(_difference(d, p, getattr(effect, f.name) - f.neutral, sigma, rotors))
     if tolerance.unmeasured:
         *errors, body, _ = fit.linear
-        found += _of_parameters(body, of_vehicle(flights[0], tolerance))
+        found += _of_parameters(body, of_vehicle(flights[0], tolerance), rotors)
         parts = dict(zip((e.name for e in flights), errors, strict=True))
         found += _of_flights(
-            {e.name: _of_parameters(parts[e.name], of_flight(e, tolerance)) for e in flights}
+            {
+                e.name: _of_parameters(parts[e.name], of_flight(e, tolerance), rotors)
+                for e in flights
+            }
         )
     return tuple(sorted(found, key=lambda d: -d.in_deviations))
 
@@ -455,7 +461,9 @@ def _throttle_map(
     return Difference(f"{d.name}.{p.name}", text, away, "1", spread, (away - half, away + half))
 
 
-def _of_parameters(part: LinearPart, deviations: Sequence[Deviation]) -> list[Difference]:
+def _of_parameters(
+    part: LinearPart, deviations: Sequence[Deviation], rotors: Sequence[RotorName]
+) -> list[Difference]:
     """Return the parameters of deviations; the lags of rotors, which each act by a share, as
     one.
     """
@@ -471,12 +479,12 @@ def _of_parameters(part: LinearPart, deviations: Sequence[Deviation]) -> list[Di
     found, lags = list[Difference](), [k for k, (d, _) in enumerate(every) if d.at_value]
     for k, (d, p) in enumerate(every):
         if not d.at_value:
-            found.append(_difference(d, p, value[k], np.sqrt(covariance[k, k])))
+            found.append(_difference(d, p, value[k], np.sqrt(covariance[k, k]), rotors))
     if lags:
         d, p = every[lags[-1]]
         lag = dc.replace(d, deviation={p.name: float(np.linalg.norm(size[lags]))})
         sigma = np.sqrt(covariance[np.ix_(lags, lags)].sum())
-        found.append(_difference(lag, p, value[lags].sum(), sigma))
+        found.append(_difference(lag, p, value[lags].sum(), sigma, rotors))
     return found
 
 
@@ -499,9 +507,12 @@ def _of_flights(found: Mapping[str, Sequence[Difference]]) -> list[Difference]:
     ]
 
 
-def _difference(d: Deviation, p: Parameter, value: float, sigma: float) -> Difference:
+def _difference(
+    d: Deviation, p: Parameter, value: float, sigma: float, rotors: Sequence[RotorName]
+) -> Difference:
     """Return a departure from the neutral value in words."""
-    unit, text = departure(p, value, d.fixed, shares=d.effect.shares)
+    rotor = rotors[round(d.fixed["rotor"]) - 1] if "rotor" in d.fixed else ""
+    unit, text = departure(p, value, rotor, shares=d.effect.shares)
     half, spread = SURE * sigma, float(d.deviation[p.name])
     ci95 = (float(value - half), float(value + half))
     return Difference(f"{d.name}.{p.name}", text, float(value), unit or "1", spread, ci95)

@@ -30,8 +30,9 @@ from np_drake.diagnosis.decision.decide import (
     estimates,
     joint_posterior,
     without_late_onsets,
+    without_missing_drag,
 )
-from np_drake.diagnosis.decision.support import visible_changes
+from np_drake.diagnosis.decision.support import support_of, visible_changes
 from np_drake.diagnosis.decision.unexplained import (
     Indication,
     LinearModel,
@@ -82,6 +83,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import said_of_bridged
 from np_drake.logs.inputs import with_hover_thrust, with_throttle_map
 from np_drake.logs.opening import with_neighbours
+from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
 
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
@@ -145,7 +147,8 @@ def as_named(found: Inference) -> Inference:
     not.
 
     What is not named gives way to calibration and the causes, which were fitted beside it. A lag or
-    delay that the logs leave open is calibration too.
+    delay that the logs leave open is calibration too. A cause that predicted beside what is not
+    named alone is none: each must predict given the others.
     """
     named, ranking = {c.identifier for c in found.causes}, found.ranking
     vehicle, options = ranking.problem.flights[0].vehicle, ranking.options
@@ -154,8 +157,9 @@ def as_named(found: Inference) -> Inference:
     open_ = frozenset(
         e.identifier for e in effects if e.identifier in untold or options.within_timing(e, vehicle)
     )
-    if not open_ and not named < {e.identifier for e in effects}:
-        return found
+    every = {e.identifier for e in effects}
+    if not named <= every or not (open_ or named < every):
+        return found  # gusts are fitted otherwise; nothing gives way
     fit = fit_of_some(ranking.problem, ranking.best, named | open_, ranking.noise)
     ranking = dc.replace(ranking, fits=(fit, *ranking.fits))
     terms = {t.effect.identifier: i for i, t in enumerate(fit.terms)}
@@ -168,7 +172,16 @@ def as_named(found: Inference) -> Inference:
         for c in found.causes
     ]
     held = dc.replace(_held_out(ranking, found.held.flights), calibrations=open_)
-    return dc.replace(found, ranking=ranking, held=held, causes=causes)
+    predicts = dict(zip(terms, support_of(ranking, held), strict=True))
+    least = options.thresholds.cause_probability
+    silent = {n: s for n, s in predicts.items() if s.factor < least and not s.confirmed}
+    kept = [c for c in causes if c.identifier not in silent]
+    lost = [
+        Finding(c.identifier, silent[c.identifier].reason, c.share) for c in causes if c not in kept
+    ]
+    kept, minor = without_missing_drag(kept, [*found.below_threshold, *lost])
+    now = dc.replace(found, ranking=ranking, held=held, causes=kept, below_threshold=minor)
+    return as_named(now) if lost else now
 
 
 def _held_out(ranking: Ranking, held_out: Sequence[FlightResiduals]) -> HeldOut:
@@ -394,6 +407,7 @@ def _answer(
     answer = Diagnosis(
         vehicle=flights[0].vehicle.name,
         nominal=flights[0].vehicle,
+        rotors=tuple(named_rotors([e.log for e in (*flights, *judging)], flights[0].vehicle)),
         train=tuple(e.name for e in flights if e.name not in own),
         held_out=tuple(e.name for e in judging),
         joined=tuple(e.name for e in judging if e.joined.any()),

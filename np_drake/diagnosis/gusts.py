@@ -540,9 +540,11 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
     assert drag.effect is not None
     terms, residual = dict(held.terms), dict(held.residual)
     for e in held.flights:
-        rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
+        kept, given = held.terms[e.name][: held.effects], held.terms[e.name][held.effects :]
+        rest = [t for t in kept if t.effect.identifier not in GUSTY]
         own = Term(drag.effect, {e.name: drag.onset.get(e.name)})
         wind = Term(gusts.effect.predicted, {e.name: gusts.onset.get(e.name)})
-        terms[e.name] = [*rest, own, wind]
+        terms[e.name] = [*rest, own, wind, *given]
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
-    return dc.replace(held, terms=terms, residual=residual)
+    effects = len(rest) + 2
+    return dc.replace(held, terms=terms, residual=residual, effects=effects)

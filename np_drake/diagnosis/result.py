@@ -15,6 +15,7 @@ from np_drake.files.notebook import html_table
 from np_drake.files.number_text import probability
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rotor_layout import RotorName
 
 CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")  # body axes
 KINDS = {
@@ -130,6 +131,7 @@ class Cause:
     changed: it acts in none of the flights from before what is asked.
     held_out_gain: share of the held-out gap above the noise that comes back without it [1];
         negative: flights contradict it.
+    rotor: what its rotor is called; None: it has none.
     """
 
     identifier: str
@@ -141,6 +143,7 @@ class Cause:
     effect: Effect | None = None
     held_out_gain: float = float("nan")
     changed: bool = False
+    rotor: RotorName | None = None
 
 
 @dc.dataclass(frozen=True)
@@ -308,6 +311,7 @@ class Diagnosis:
     before: flights from before what is asked; the verdict is then what changed since.
     visible: by effect and parameter, the smallest change since then that would be named as often as
         not [SI].
+    rotors: what the rotors of the vehicle are called.
     nominal: vehicle that was judged, that of the file unless a guess in it gave way; None: read
         from a report.
     """
@@ -334,6 +338,7 @@ class Diagnosis:
     doubts: tuple[str, ...] = ()
     not_flyable: str = ""
     nominal: Vehicle | None = None
+    rotors: tuple[RotorName, ...] = ()
     calibration: tuple[Difference, ...] = ()
     headline: str = ""
     before: tuple[str, ...] = ()
@@ -394,6 +399,7 @@ class Diagnosis:
                         "effect": c.identifier,
                         **_fields(c, "probability", "share", "held_out_gain"),
                         **({"changed": c.changed} if self.before else {}),
+                        **({"rotor": dc.asdict(c.rotor)} if c.rotor else {}),
                         "parameters": {name: dc.asdict(e) for name, e in c.parameters.items()},
                         "onset": c.onset,
                         "absent_from": [e for e, time in c.onset.items() if time == np.inf],

@@ -23,6 +23,7 @@ from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.inputs import hover_exponent
+from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
 
 BLOCK = 1.0  # over which inputs are averaged [s]
@@ -186,13 +187,13 @@ def compare_balance(
     visible = {f"{NAME}.efficiency": smallest} if np.isfinite(smallest) else {}
     weighed = weigh(old, new, vehicle, prior)
     rotor = max(ROTORS, key=lambda name: weighed[name].probability)
-    own = weighed[rotor]
+    own, named = weighed[rotor], named_rotors([*before, *after], vehicle)[int(rotor) - 1]
     half = SURE * float(np.hypot(own.error, EXPONENT * own.value))
     value, low, high = np.exp([-own.value, -own.value - half, -own.value + half]).tolist()
     if own.value <= 0 or own.probability < FAINT:
         return RotorBalance(visible=visible)
     if own.probability < least:
-        text = f"the balance of the rotors fits rotor {rotor} at {number(value, 2)} of its thrust"
+        text = f"the balance of the rotors fits {named} at {number(value, 2)} of its thrust"
         figures = {"probability": own.probability}
         return RotorBalance((), (Finding(NAME, text, 0.0, figures),), visible)
     effect = WeakRotor(float(rotor), value)
@@ -201,7 +202,9 @@ def compare_balance(
         "efficiency": Estimate(value, "1", (low, high)),
     }
     onset = dict[str, float | None]((log.name, None) for log in after)
-    found = Cause(NAME, own.probability, parameters, onset, effect=effect, changed=True)
+    found = Cause(
+        NAME, own.probability, parameters, onset, effect=effect, changed=True, rotor=named
+    )
     return RotorBalance((found,), (), visible)
 
 

@@ -31,8 +31,8 @@ class Parameter:
     typical: usual distance from neutral: the deviation of the prior, and the scale of finite
         differences.
     choices: the only values, where it is not continuous.
-    departure: how a vehicle or sensor differs that has another value than neutral, as "rotor
-        {rotor}: thrust {signed}";
+    departure: how a vehicle or sensor differs that has another value than neutral, as "{rotor}:
+        thrust {signed}";
         where the sign decides the words, "{size} ahead|{size} behind", of more and of less.
     """
 
@@ -47,12 +47,10 @@ class Parameter:
     departure: str = ""
 
 
-def departure(
-    p: Parameter, value: float, others: Mapping[str, float], *, shares: bool
-) -> tuple[str, str]:
+def departure(p: Parameter, value: float, rotor: object = "", *, shares: bool) -> tuple[str, str]:
     """Return the unit of a parameter, and in words how far it departs from neutral by `value`.
 
-    others: values of the other parameters of its effect; shares: whether its factors are shares.
+    rotor: name of that of its effect, if any; shares: whether its factors are shares.
     """
     unit = "share" if p.unit == "1" and shares else p.unit
     more, _, less = p.departure.partition("|")
@@ -60,9 +58,7 @@ def departure(
     size = measure(factor * abs(value), shown)
     words = less if less and value < 0 else more
     sign = "−" if value < 0 else "+"
-    return unit, words.format(
-        size=size, signed=f"{sign}{size}", **{n: f"{v:g}" for n, v in others.items()}
-    )
+    return unit, words.format(size=size, signed=f"{sign}{size}", rotor=rotor)
 
 
 def usual_size(parameter: Parameter, vehicle: Vehicle) -> float:

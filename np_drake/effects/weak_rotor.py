@@ -20,16 +20,14 @@ class WeakRotor(ActuatorEffect):
 
     sudden = True
     named = "a weak rotor"
-    phrase = "rotor {rotor} at {efficiency} of nominal"
+    phrase = "{rotor} at {efficiency} of nominal"
     shares = True
     bench_check = "look at this rotor's propeller and motor"
     excited_by = "thrust steps and yaw doublets"
     requires = ("torque",)
     parameters = (
         Parameter("rotor", "", 1.0, 1.0, 4.0, 1.0, choices=(1.0, 2.0, 3.0, 4.0)),
-        Parameter(
-            "efficiency", "1", 1.0, 0.0, 1.5, 0.1, departure="rotor {rotor}: thrust {signed}"
-        ),
+        Parameter("efficiency", "1", 1.0, 0.0, 1.5, 0.1, departure="{rotor}: thrust {signed}"),
     )
 
     @classmethod

@@ -42,7 +42,7 @@ class FlightValues:
     @property
     def text(self) -> str:
         """That flights differ, in a sentence without its full stop, and which stand out."""
-        said, one = f"{self.quantity.name}: flights differ", len(self.apart) == 1
+        said, one = f"{self.quantity.title}: flights differ", len(self.apart) == 1
         if not self.apart or len(self.names) - len(self.apart) < 2:
             return said
         return f"{said}; {', '.join(self.apart)} {'stands' if one else 'stand'} out"

@@ -11,11 +11,20 @@ import scipy
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import Estimate, Layout, estimate, parameters
 from np_drake.identification.model import FlightModel, Frame
-from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified, Quantity
+from np_drake.identification.quantities import (
+    QUANTITIES,
+    ROTOR_GAINS,
+    SURE,
+    TOLD,
+    Basis,
+    Identified,
+    Quantity,
+)
 from np_drake.identification.rate_loop import AxisLoop, identify_rate_loop
 from np_drake.identification.signals import G, Signals, common_drive, signals
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.published import published_priors
+from np_drake.vehicle.rotor_layout import RotorName, rotor_names
 from np_drake.vehicle.vehicle import AIR
 
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
@@ -57,6 +66,7 @@ class Identification:
     rate_loop: tuple[
         AxisLoop, ...
     ] = ()  # of an autopilot; empty: logs hold no commanded rates, or show no loop
+    rotors: tuple[RotorName, ...] = ()  # what they are called
 
     @cached_property
     def quantities(self) -> tuple[Identified, ...]:
@@ -75,7 +85,10 @@ class Identification:
             steepest = int(np.argmax(np.abs(_of_one_flight(gradient, layout))))
             follows = layout.names[steepest] if steepest < len(layout.shared) else ""
             p = e.agreement[follows].p if follows in e.agreement else float("nan")
-            found.append(Identified(q, value, low, high, (both[0], both[1]), told, p, follows))
+            gain = self.rotors and q.field == ROTOR_GAINS
+            rotor = self.rotors[q.index[0]] if gain else None
+            prior_ends = (both[0], both[1])
+            found.append(Identified(q, value, low, high, prior_ends, told, p, follows, rotor))
         return tuple(found)
 
     def of(self, q: Quantity, z: np.ndarray) -> tuple[float, np.ndarray]:
@@ -157,7 +170,11 @@ def identify(
             "short; none is told"
         )
     found = estimate(models, layout)
-    return Identification(basis, found, frozenset(known), models, prior, tuple(notes), loops)
+    motors = [log.motors for log in kept if log.layout is None]
+    rotors = tuple(rotor_names(prior.rotor_positions, motors))
+    return Identification(
+        basis, found, frozenset(known), models, prior, tuple(notes), loops, rotors
+    )
 
 
 def trades(found: Identification) -> list[tuple[list[str], list[str]]]:

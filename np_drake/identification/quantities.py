@@ -16,6 +16,7 @@ from np_drake.identification.model import (
     target_speed,
 )
 from np_drake.identification.signals import G
+from np_drake.vehicle.rotor_layout import RotorName
 
 # deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits
 TOLD = 0.5
@@ -170,6 +171,7 @@ YAW = "fast turns of the heading"
 BLIPS = "quick changes of height"
 MOTORS, SPEED, THROTTLE = ("motors",), ("speed",), ("throttle",)
 ROTORS, COLLECTIVE = ("rotors",), ("collective",)
+ROTOR_GAINS = "calibration.rotor_gains"
 HEIGHTS = "climbs and descents"
 
 QUANTITIES: tuple[Quantity, ...] = (
@@ -242,7 +244,7 @@ QUANTITIES: tuple[Quantity, ...] = (
     *(
         Quantity(
             f"gain of rotor {i + 1}",
-            "calibration.rotor_gains",
+            ROTOR_GAINS,
             "1",
             _gain(i),
             (i,),
@@ -491,6 +493,7 @@ class Identified:
     told: whether flights tell it. p: probability that flights which agree differ as much as these
         do [1]; NaN: not tested.
     follows: parameter of the model on which the value depends most.
+    rotor: what its rotor is called; None: it is of no single one.
     """
 
     quantity: Quantity
@@ -501,6 +504,12 @@ class Identified:
     told: bool
     p: float = float("nan")
     follows: str = ""
+    rotor: RotorName | None = None
+
+    @property
+    def title(self) -> str:
+        """Name of the quantity for people, with that of its rotor."""
+        return f"gain of the {self.rotor}" if self.rotor else self.name
 
     @property
     def name(self) -> str:

@@ -17,8 +17,8 @@ from np_drake.vehicle.rotor_layout import RotorLayout
 
 SUFFIX = ".import.yaml"
 HEAD = (
-    "# Sheet beside a flight log, as of np-drake import. `timing`, `start`, `rotors` and `said` "
-    "are read with the log; the rest is for people.\n"
+    "# Sheet beside a flight log, as of np-drake import. `timing`, `start`, `rotors`, `motors` and "
+    "`said` are read with the log; the rest is for people.\n"
 )
 
 
@@ -28,6 +28,7 @@ class Sheet:
 
     timing: standard deviation of the time at which a row's command acts [s].
     rotors: those of the columns of rotors; None: the log does not state them.
+    motors: their names in the log that was recorded.
     content: everything else, for people.
     start: time of the source's clock at t = 0 [s].
     said: what stands against any answer from the log, one line each.
@@ -38,6 +39,7 @@ class Sheet:
     rotors: RotorLayout | None = None
     start: float = 0.0
     said: tuple[str, ...] = ()
+    motors: tuple[str, ...] = ()
 
 
 def sheet_path(log: str | Path) -> Path:
@@ -59,14 +61,15 @@ def read_sheet(log: str | Path) -> Sheet:
         timing = float(content.pop("timing", 0.0))
         start = float(content.pop("start", 0.0))
         rotors = _layout(content.pop("rotors", None))
-        said = tuple(map(str, content.pop("said", ())))
+        said, motors = (tuple(map(str, content.pop(name, ()))) for name in ("said", "motors"))
     except (AttributeError, TypeError, ValueError) as error:
         raise LogError(
             f"{path}: must be a sheet of np-drake import; write it again, or remove it."
         ) from error
     require(0 <= timing < 1, f"{path}: timing must be 0 to 1 s; got {timing}.", LogError)
     require(np.isfinite(start), f"{path}: start must be a time [s]; got {start}.", LogError)
-    return Sheet(timing, content, rotors, start, said)
+    require(len(motors) in (0, 4), f"{path}: motors must name four rotors.", LogError)
+    return Sheet(timing, content, rotors, start, said, motors)
 
 
 def write_sheet(sheet: Sheet, log: str | Path) -> Path:
@@ -78,6 +81,7 @@ def write_sheet(sheet: Sheet, log: str | Path) -> Path:
         "timing": sheet.timing,
         "start": sheet.start or None,
         "rotors": sheet.rotors and json.loads(json.dumps(dc.asdict(sheet.rotors))),  # no tuples
+        "motors": list(sheet.motors) or None,
         "said": list(sheet.said) or None,
     }
     content = {name: value for name, value in read.items() if value is not None} | sheet.content

@@ -5,7 +5,7 @@ the columns to the rotors of the vehicle file, and each pattern of directions, t
 follows is correlated with J dw/dt + w x J w, about each axis, in a band below the controller's
 noise. Sizes do not count: thrust coefficient and inertia may be guesses. The score of an assignment
 is the log likelihood ratio of two Gaussian signals over their independent samples. All flights
-whose columns are in one order tell it together.
+whose columns are in one order tell it together. What is flown after a motor failed does not count.
 """
 
 import dataclasses as dc
@@ -19,10 +19,11 @@ import scipy
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
+from np_drake.logs.importing.laws import stretches
 from np_drake.logs.importing.signals import Signal
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rotor_layout import CORNERS, NEAR, RotorLayout
+from np_drake.vehicle.rotor_layout import NEAR, RotorLayout, RotorName, places, rotor_names
 
 BAND = (
     0.7,
@@ -35,6 +36,10 @@ DELAYS = (
     0.06,
 )  # of thrust behind a commanded throttle that are tried [s]; own choice
 LEAST_SECONDS = 3.0  # of a flight whose torque is looked at [s]; own choice
+# Size of w x J w over that of all that turns the vehicle, from which it spins [1]; own choice: a
+# half. There the inertia counts, which may be a guess.
+SPINS = 0.5
+ABOUT = 1.5  # time about a spin without control [s]; source: a period of the lowest frequency
 
 EACH = ("rotor", "throttle", "balance")  # fields of a log with a column for each rotor
 
@@ -75,12 +80,13 @@ def evidence(log: FlightLog, vehicle: Vehicle) -> Evidence | None:
     Args:
         vehicle: with positions and directions of the rotors, and the inertia.
     """
+    log = _without_spins(log, vehicle)
     columns = (
         log.rotor**2 if log.rotor is not None else log.throttle if is_each(log.throttle) else None
     )
     if columns is None or not _long_and_fast(log):
         return None
-    turn, moved = _in_band(log, vehicle, columns, (0.0,) if log.rotor is not None else DELAYS)
+    turn, _, moved = _in_band(log, vehicle, columns, (0.0,) if log.rotor is not None else DELAYS)
     positions = np.array(vehicle.rotor_positions, float)
     rotors, d = (np.array(values) for values in zip(*assignments(vehicle), strict=True))
     arms = np.stack([positions[rotors, 1], -positions[rotors, 0], d], axis=1)  # (m, 3, 4)
@@ -107,7 +113,7 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
     if not np.isfinite(log.u).all() or not _long_and_fast(log):
         return None
     delays = (0.0,) if log.input == "rotor_speed" else DELAYS
-    turn, moved = _in_band(log, vehicle, log.u[:, 1:], delays)
+    turn, _, moved = _in_band(log, vehicle, log.u[:, 1:], delays)
     size = np.linalg.norm(turn, axis=0)
     best = (np.full(3, -np.inf), np.ones(3))
     for torque in moved:
@@ -117,9 +123,18 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
             best = correlation, size / own
     # White noise has in the band the power that an impulse of its size has.
     impulse = np.outer(scipy.signal.unit_impulse(len(log), "mid"), white_noise([log.w]))
-    noise, _ = _in_band(dc.replace(log, w=impulse), vehicle, log.u[:, 1:], ())
+    noise, *_ = _in_band(dc.replace(log, w=impulse), vehicle, log.u[:, 1:], ())
     excited = np.mean(turn**2, axis=0) > 2 * np.sum(noise**2, axis=0)
     return np.where(excited, best[0], np.nan), best[1]
+
+
+def named_rotors(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[RotorName]:
+    """Return what the rotors of a vehicle are called, also in logs that are in its order."""
+    motors = [log.motors for log in logs if log.layout is None]
+    return rotor_names(vehicle.rotor_positions, motors)
+
+
+OFF_ENDS = 0.5  # of what is filtered, at its ends [s]; own choice
 
 
 def is_each(values: np.ndarray | None) -> bool:
@@ -128,7 +143,25 @@ def is_each(values: np.ndarray | None) -> bool:
 
 
 def _long_and_fast(log: FlightLog) -> bool:
-    return log.t[-1] - log.t[0] >= LEAST_SECONDS and 2.5 * BAND[0] * log.step < 0.4
+    return len(log) > 1 and log.t[-1] - log.t[0] >= LEAST_SECONDS and 2.5 * BAND[0] * log.step < 0.4
+
+
+def _without_spins(log: FlightLog, vehicle: Vehicle) -> FlightLog:
+    """Return the longest part of a flight in which the vehicle does not spin, as with a failed
+    motor.
+    """
+    if not _long_and_fast(log):
+        return log
+    turn, twist, _ = _in_band(log, vehicle, log.w, ())
+    rows = round(ABOUT / log.step)
+    sizes = [scipy.ndimage.uniform_filter1d(np.sum(x**2, axis=1), rows) for x in (twist, turn)]
+    spins = scipy.ndimage.maximum_filter1d(sizes[0] > SPINS**2 * sizes[1], 2 * rows + 1)
+    if not spins.any():
+        return log
+    parts = [*stretches(~spins).tolist(), [0, 0]]
+    first, after = max(parts, key=lambda part: part[1] - part[0])
+    start, stop = np.searchsorted(log.t, log.t[0] + OFF_ENDS + log.step * np.array([first, after]))
+    return log.rows(int(start), int(stop))
 
 
 def _upper(log: FlightLog) -> float:
@@ -138,21 +171,22 @@ def _upper(log: FlightLog) -> float:
 
 def _in_band(
     log: FlightLog, vehicle: Vehicle, columns: np.ndarray, delays: tuple[float, ...]
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return in the band the torque (m, 3) that turned the vehicle, and the columns (m, k), by
-    delay.
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Return in the band the torque (m, 3) that turned the vehicle, w x J w of it, and the columns
+    (m, k), by delay.
     """
     step = log.step
     t = np.arange(log.t[0], log.t[-1], step)
     w, even = Signal(log.t, log.w).linear(t), Signal(log.t, columns)
-    turn = np.gradient(w, step, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
+    twist = np.cross(w, w @ vehicle.J.T)
+    turn = np.gradient(w, step, axis=0) @ vehicle.J.T + twist
     sos = scipy.signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
-    inside = slice(round(0.5 / step), -round(0.5 / step))  # off the filter's ends
+    inside = slice(round(OFF_ENDS / step), -round(OFF_ENDS / step))
     filtered = [
         scipy.signal.sosfiltfilt(sos, x, axis=0)[inside]
-        for x in (turn, *(even.linear(t - d) for d in delays))
+        for x in (turn, twist, *(even.linear(t - d) for d in delays))
     ]
-    return filtered[0], filtered[1:]
+    return filtered[0], filtered[1], filtered[2:]
 
 
 # Correlation about roll and pitch from which an order is found [1]; own choice: flights with the
@@ -162,7 +196,6 @@ FOUND = 0.3
 TURNS = 0.2
 # log likelihood ratio from which an order is preferred to another [nat]; own choice: 1 in 22,000
 SURE = 10.0
-NAMED = CORNERS | {(1, 0): "front", (0, 1): "left", (-1, 0): "rear", (0, -1): "right"}
 NOTE = "rotor columns"
 Seen = Mapping[RotorLayout | None, Sequence[Evidence]]
 
@@ -383,21 +416,20 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
             raise
         # Their collective thrust is told all the same.
         said = f"the balance of the rotors is not used: {error}"
-        return dc.replace(log, balance=None, layout=None, notes=[*log.notes, said])
+        notes = [*log.notes, said]
+        return dc.replace(log, balance=None, layout=None, motors=(), notes=notes)
     layout, log = log.layout, dc.replace(log, layout=None)
     if order == list(range(4)):
         return log
-    taken = ", ".join(str(number + 1) for number in order)
-    return _reordered(
-        log,
-        order,
-        f"rotors 1, 2, 3, 4 of the vehicle file are {taken} of the log ({layout.source})",
-    )
+    taken = ", ".join(log.motors[i] if log.motors else f"{i + 1} of the log" for i in order)
+    note = f"rotors 1, 2, 3, 4 of the vehicle file are {taken} ({layout.source})"
+    return _reordered(log, order, note)
 
 
 def _reordered(log: FlightLog, order: list[int], note: str) -> FlightLog:
     columns = {name: getattr(log, name)[:, order] for name in EACH if is_each(getattr(log, name))}
-    return dc.replace(log, **columns, notes=[*log.notes, note])
+    motors = tuple(log.motors[i] for i in order) if log.motors else ()
+    return dc.replace(log, **columns, motors=motors, notes=[*log.notes, note])
 
 
 def _better(best: RotorOrder, own: RotorOrder) -> bool:
@@ -413,15 +445,10 @@ def _described(order: RotorOrder, vehicle: Vehicle) -> str:
     """Return the columns in words: where each rotor lies, and which way it turns, seen from
     above.
     """
-    positions = np.array(vehicle.rotor_positions, float)[list(order.rotors), :2]
-    sign = np.sign(
-        np.where(np.abs(positions) < 0.1 * np.abs(positions).max(), 0.0, positions)
-    ).astype(int)
-    names = [
-        NAMED.get((x, y), f"rotor {i + 1}") for (x, y), i in zip(sign, order.rotors, strict=True)
-    ]
+    names = places(vehicle.rotor_positions)
     turns = ["cw" if d > 0 else "ccw" for d in order.directions]
-    return ", ".join(f"{name} ({turn})" for name, turn in zip(names, turns, strict=True))
+    named = zip(order.rotors, turns, strict=True)
+    return ", ".join(f"{names[i]} ({turn})" for i, turn in named)
 
 
 def _figures(order: RotorOrder) -> str:

@@ -8,7 +8,7 @@ import dataclasses as dc
 import math
 
 from np_drake.files.yaml_file import POSITIVE, check_fields, number, word
-from np_drake.vehicle.rotor_layout import CORNERS, FIRMWARE, PROPS, directions_of
+from np_drake.vehicle.rotor_layout import FIRMWARE, PROPS, directions_of, places
 from np_drake.vehicle.vehicle import AIR, GRAVITY, Vehicle, least_torque_over_thrust
 
 AT_ROTORS = 0.5  # share of the mass at the rotors: motors, propellers, outer arms [1]
@@ -95,7 +95,7 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
 def _sources(m: Measured, lever: float) -> dict[str, str]:
     """Return where the values of an estimate come from; `lever` is torque over thrust [m]."""
     layout, power = FIRMWARE[m.order], {1: "", 2: "²"}[CURVES[m.curve]]
-    corners = ", ".join(CORNERS[p] for p in layout.positions)
+    corners = ", ".join(places(layout.positions))
     scale = (
         "given"
         if m.mass_uncertainty != MASS_SPREAD

@@ -1,10 +1,10 @@
-"""Where an autopilot has its rotors, in the order in which it numbers them, and which of them a
-vehicle file means.
+"""Where an autopilot has its rotors, in the order in which it numbers them, which of them a vehicle
+file means, and what a rotor is called.
 """
 
 import dataclasses as dc
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -112,9 +112,56 @@ FIRMWARE = {  # X frames with propellers that turn inwards at the front, the def
         (FRONT_RIGHT, REAR_RIGHT, REAR_LEFT, FRONT_LEFT), (-1, 1, -1, 1), "Crazyflie, X"
     ),
 }
-CORNERS = {
-    FRONT_LEFT: "front left",
-    FRONT_RIGHT: "front right",
-    REAR_RIGHT: "rear right",
-    REAR_LEFT: "rear left",
-}
+SIDES = (("rear ", "", "front "), ("right", "", "left"))  # by the sign of x, and of y
+# Coordinate over the mean arm below which a rotor is on an axis [1]; own choice: 6 deg.
+ON_AXIS = 0.1
+
+
+@dc.dataclass(frozen=True)
+class RotorName:
+    """What a rotor is called.
+
+    number: in the vehicle file, from 1.
+    place: seen from above, as front left.
+    log: in the flight logs, as PX4 motor 3; empty: they do not name their rotors.
+    """
+
+    number: int
+    place: str
+    log: str = ""
+
+    def __str__(self) -> str:
+        """Return the name in a sentence."""
+        return f"{self.place} rotor ({self.log or f'rotor {self.number} of the vehicle file'})"
+
+
+def places(positions: Sequence[Sequence[float]]) -> list[str]:
+    """Return where every rotor of a frame is, seen from above, as front left or rear.
+
+    Rotors of one such place have their angles from the front beside it [deg].
+
+    Args:
+        positions: in B, x and y first, in any one unit.
+    """
+    p = _scaled(positions)
+    signs = np.where(np.abs(p) < ON_AXIS, 0, np.sign(p)).astype(int) + 1
+    names = [(SIDES[0][x] + SIDES[1][y]).strip() or "middle" for x, y in signs.tolist()]
+    angles = np.degrees(np.abs(np.arctan2(p[:, 1], p[:, 0])))
+    return [
+        name if names.count(name) == 1 else f"{name} at {angle:.0f} deg"
+        for name, angle in zip(names, angles, strict=True)
+    ]
+
+
+def rotor_names(
+    positions: Sequence[Sequence[float]], motors: Iterable[Sequence[str]]
+) -> list[RotorName]:
+    """Return what the rotors of a vehicle are called.
+
+    Args:
+        positions: of its rotors in B, x and y first.
+        motors: what each log calls them, in the order of the vehicle; empty: nothing.
+    """
+    called = [", ".join(dict.fromkeys(names)) for names in zip(*filter(None, motors), strict=True)]
+    found = zip(places(positions), called or [""] * len(positions), strict=True)
+    return [RotorName(number, *names) for number, names in enumerate(found, start=1)]

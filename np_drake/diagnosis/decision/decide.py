@@ -25,8 +25,10 @@ from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
 from np_drake.effects.base import Effect
 from np_drake.effects.effect_entry import Posterior
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.files.number_text import measure, number, percent, probability
+from np_drake.files.number_text import measure, percent, probability
+from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rotor_layout import RotorName
 
 LAST = 1.0  # of a flight, in which an onset is none [s]; own choice
 MOST_ALTERNATIVES = 2  # effects named as indistinguishable from a cause
@@ -54,13 +56,9 @@ class Judgement:
 
     @property
     def probability(self) -> float:
-        """Probability of a cause [1]; what held-out flights contradict is never more probable than
-        not.
-        """
-        found = self.in_model * self.material
-        if self.support is not None:
-            found *= self.support.probability * (0.5 if self.support.contradicted else 1.0)
-        return 0.0 if self.stands_for else found
+        """Probability of a cause [1]."""
+        predicts = 1.0 if self.support is None else self.support.factor
+        return 0.0 if self.stands_for else self.in_model * self.material * predicts
 
     @property
     def is_open(self) -> bool:
@@ -77,14 +75,13 @@ class Judgement:
         }
         if (support := self.support) is not None:
             if support.contradicted and not self.stands_for:
-                return "held-out flights are predicted better without it"
-            gained = f"{number(support.total, 2)} ± {number(support.error, 2)} nat"
-            predicts = (
-                f"not told from the time at which commands act, which the logs leave open by "
-                f"{measure(self.timing, 's', 2)} ({gained})"
-                if self.is_open
-                else f"it does not predict: {gained} in time that did not fit it"
-            )
+                return support.reason
+            predicts = support.reason
+            if self.is_open:
+                predicts = (
+                    f"not told from the time at which commands act, which the logs leave open by "
+                    f"{measure(self.timing, 's', 2)} ({support.gained})"
+                )
             factors[predicts] = support.probability
         return self.stands_for or min(factors, key=lambda why: factors[why])
 
@@ -148,6 +145,7 @@ def decide(
     key = names_of_fit(fit)
     same = equivalents(problem, members[key]) if key in members else {}
     every = [*problem.flights, *held.flights]
+    rotors = named_rotors([e.log for e in every], every[0].vehicle)
     causes, minor = [], []
     for i, (term, support) in enumerate(zip(fit.terms, support_of(ranking, held), strict=True)):
         name, effect = term.effect.identifier, term.effect
@@ -168,14 +166,25 @@ def decide(
                     found.size.gap,
                     effect,
                     changed=has_changed(ranking, i),
+                    rotor=_rotor_of(effect, rotors),
                 )
             )
         else:
-            minor.append(_finding(effect, parameters, found))
+            minor.append(_finding(effect, parameters, found, rotors))
     return without_missing_drag(causes, minor)
 
 
-def _finding(effect: Effect, parameters: Mapping[str, Estimate], found: Judgement) -> Finding:
+def _rotor_of(effect: Effect, rotors: Sequence[RotorName]) -> RotorName | None:
+    """Return what the rotor of an effect is called; None where it has none."""
+    return rotors[round(effect.values["rotor"]) - 1] if "rotor" in effect.values else None
+
+
+def _finding(
+    effect: Effect,
+    parameters: Mapping[str, Estimate],
+    found: Judgement,
+    rotors: Sequence[RotorName],
+) -> Finding:
     """Return what is said of an effect that is no cause."""
     units = {
         n: "share" if effect.shares and e.unit == "1" else e.unit for n, e in parameters.items()
@@ -186,6 +195,8 @@ def _finding(effect: Effect, parameters: Mapping[str, Estimate], found: Judgemen
     figures = {"force": size.force, "torque": size.torque, "probability": found.probability}
     if found.is_open:
         figures["timing"] = found.timing
+    if rotor := _rotor_of(effect, rotors):
+        values = values.replace(f"rotor {rotor.number}", str(rotor))
     text = f"{values}: {found.reason} ({shares})"
     return Finding(effect.identifier, text, size.gap, figures)
 

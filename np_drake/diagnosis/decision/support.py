@@ -19,6 +19,7 @@ from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
+from np_drake.files.number_text import number
 
 LENGTH = 1.5  # of a block [s]
 DEGREES = 8.0  # of freedom of the noise level of a block [1]
@@ -123,6 +124,32 @@ class Support:
         """
         gain, others = self.total - LEAST, float(self.gains.sum()) + LEAST
         return float(scipy.special.ndtr(min(gain, others) / np.hypot(self.error, LEAST)))
+
+    @property
+    def factor(self) -> float:
+        """Factor of the probability of a cause [1]; what held-out flights contradict is never more
+        probable than not.
+        """
+        return self.probability * (0.5 if self.contradicted else 1.0)
+
+    @property
+    def reason(self) -> str:
+        """Why it does not predict."""
+        if self.contradicted:
+            return "held-out flights are predicted better without it"
+        return f"it does not predict: {self.gained} in time that did not fit it"
+
+    @property
+    def gained(self) -> str:
+        """Gain and its standard error as text."""
+        return f"{number(self.total, 2)} ± {number(self.error, 2)} nat"
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the held-out flights are predicted better with the term, by as much as would
+        contradict it.
+        """
+        return bool(self.held_out.size and self.held_out.sum() > LEAST + _error(self.held_out))
 
     @property
     def contradicted(self) -> bool:

@@ -1,6 +1,7 @@
 """The report's folder: HTML page, JSON and figures, all made before anything is written."""
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Collection, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
@@ -13,6 +14,8 @@ from np_drake.diagnosis.result import Diagnosis, Regime, ReplayGap
 from np_drake.files.figure_file import PALETTE, Figure, new_figure
 from np_drake.files.file_access import require_writable, write_json
 from np_drake.files.page import Section, write_page
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rotor_layout import RotorName
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
 PLAIN_TICKS = "{x:g}"  # 0.01, 0.1, 1 instead of powers of ten
@@ -88,6 +91,42 @@ def regime_figure(regimes: Sequence[Regime]) -> Figure:
     return figure
 
 
+def rotor_figure(vehicle: Vehicle, rotors: Sequence[RotorName], marked: Collection[int]) -> Figure:
+    """Return the vehicle from above, front up: numbers of the vehicle file, how rotors turn, names.
+
+    Args:
+        marked: numbers of the rotors that stand out.
+    """
+    from matplotlib.patches import Circle
+
+    # Front is up and left is left.
+    p = np.array(vehicle.rotor_positions, float)[:, :2] @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    figure, grid = new_figure(1, 1, width=4.2, height=3.6)
+    ax, span = grid[0, 0], float(np.abs(p).max())
+    apart = min(np.linalg.norm(a - b) for a, b in itertools.combinations(p, 2))
+    radius = 0.36 * float(apart)
+    for rotor, centre, turn in zip(rotors, p, vehicle.rotor_directions, strict=True):
+        stands_out = rotor.number in marked
+        ax.plot(*np.transpose([[0.0, 0.0], centre]), color="0.6", linewidth=3.0, zorder=1)
+        shape = Circle(centre, radius, facecolor="white", linewidth=2.0, zorder=2)
+        shape.set(**(MARKED if stands_out else {"edgecolor": "0.4"}))
+        ax.add_patch(shape)
+        start, end = (centre + 0.72 * radius * np.array([side, 0.35]) for side in (-turn, turn))
+        bent = {**ARROW, "connectionstyle": f"arc3,rad={-0.5 * turn}"}
+        ax.annotate("", end, start, arrowprops=bent, zorder=3)
+        name = {"ha": "center", "va": "center", "weight": "bold" if stands_out else "normal"}
+        ax.text(*centre, str(rotor.number), fontsize=13, bbox=PLAIN_BOX, zorder=4, **name)
+        ax.text(*(centre - [0.0, 1.25 * radius]), rotor.log or rotor.place, fontsize=9, **name)
+    reach = span + 1.6 * radius
+    ax.annotate("front", (0.0, 1.3 * reach), (0.0, reach), ha="center", arrowprops=ARROW)
+    ax.set(xlim=(-reach, reach), ylim=(-reach, 1.3 * reach), aspect="equal")
+    ax.set_axis_off()
+    return figure
+
+
+ARROW = {"arrowstyle": "-|>", "color": "0.25", "shrinkA": 0.0, "shrinkB": 0.0}
+MARKED = {"hatch": "///", "edgecolor": BEFORE}  # not by colour alone
+PLAIN_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 PAGE, DATA = "report.html", "diagnosis.json"
 
@@ -192,7 +231,10 @@ def figures(diagnosis: Diagnosis) -> dict[str, Figure | None]:
     """Return the figures by name; None where the diagnosis has no data for one."""
     regimes, reduction = diagnosis.localisation.regimes, diagnosis.gap_reduction
     replays = (reduction.replay_before, reduction.replay_after)
+    marked = [c.rotor.number for c in words.named_causes(diagnosis) if c.rotor]
+    vehicle = diagnosis.nominal
     return {
+        "rotors": rotor_figure(vehicle, diagnosis.rotors, marked) if vehicle and marked else None,
         "regimes": regime_figure(regimes) if regimes else None,
         "replay": replay_figure(*replays) if any(replays) else None,
     }

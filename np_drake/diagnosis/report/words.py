@@ -102,10 +102,18 @@ def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[st
     return with_unit(value, shown), f"{low} to {high}"
 
 
+def rotor_text(cause: Cause) -> str:
+    """Return what the rotor of a cause is called; empty where it has none."""
+    if cause.rotor is not None or "rotor" not in cause.parameters:
+        return str(cause.rotor or "")
+    return f"rotor {cause.parameters['rotor'].value:g}"
+
+
 def phrase(cause: Cause) -> str:
     """Return a cause with its size in few words, as in 'a 4.8 g payload on 0.52 m'."""
     name, parameters = name_of(cause.identifier), cause.parameters
     values = {n: estimate(p, unit_of(cause, p), brief=True)[0] for n, p in parameters.items()}
+    values |= {"rotor": rotor_text(cause)} if "rotor" in values else {}
     (unit, *others) = {p.unit for p in parameters.values()} or {""}
     own = effect_of(cause.identifier).phrase
     if own and {field for _, field, _, _ in string.Formatter().parse(own) if field} <= set(values):
@@ -127,8 +135,7 @@ def changed(cause: Cause) -> str:
     if cause.effect is None or len(free) != 1 or not free[0].departure:
         return phrase(cause)
     p, one = free[0], cause.parameters[free[0].name]
-    others = {n: v for n, v in cause.effect.values.items() if n != p.name}
-    unit, text = departure(p, one.value - p.neutral, others, shares=effect.shares)
+    unit, text = departure(p, one.value - p.neutral, rotor_text(cause), shares=effect.shares)
     factor, shown = departure_unit(unit)
     low, high = (measure(factor * (end - p.neutral), shown) for end in one.ci95)
     return f"{text} ({low} to {high})"
@@ -413,6 +420,9 @@ def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], lis
         last += ["\n".join(begins), "\n".join(cause.indistinguishable_from)]
         for k, (name, parameter) in enumerate(cause.parameters.items() or [("", None)]):
             shown = estimate(parameter, unit_of(cause, parameter)) if parameter else ("", "")
+            if name == "rotor" and cause.rotor:
+                called = ", ".join(filter(None, (cause.rotor.place, cause.rotor.log)))
+                shown = f"{shown[0]}: {called}", NOTHING
             rows.append(
                 (cause.identifier, name, *shown, *last)
                 if k == 0
@@ -437,7 +447,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         return ["Fly with more motion in every axis, as np-drake fly multisine does."]
     causes = named_causes(diagnosis)
     out = [
-        f"To check {name_of(c.identifier)}: {check}."
+        f"To check {f'the {c.rotor}' if c.rotor else name_of(c.identifier)}: {check}."
         for c in causes
         if (check := effect_of(c.identifier).bench_check)
     ]

@@ -182,6 +182,9 @@ def _inav_map(contents: Contents) -> LogMap:
     )
 
 
+FIRMWARES = {"inav": "INAV", "indiflight": "Indiflight"}  # by the key of the version
+
+
 def motors(contents: Contents) -> Motors:
     """Return the motors of a log, and their layout, that of Betaflight's Quad X, where they are
     four; they turn as the header states, if it does.
@@ -208,6 +211,7 @@ def motors(contents: Contents) -> Motors:
         speed = first_source(contents, names, unit="rpm", scale=200 / told["motor_poles"])
     layout = FIRMWARE["betaflight"]
     turns = {0.0: 1.0, 1.0: -1.0}.get(told.get(REVERSED, np.nan), 0.0)
+    firmware = next((name for key, name in FIRMWARES.items() if key in told), "Betaflight")
     return Motors(
         throttle,
         speed,
@@ -216,6 +220,7 @@ def motors(contents: Contents) -> Motors:
             directions=tuple(turns * d for d in layout.directions),
             source=f"{layout.source}, {REVERSED} {told[REVERSED]:g}" if turns else layout.source,
         ),
+        names=tuple(f"{firmware} motor {n}" for n in (1, 2, 3, 4)),
     )
 
 

@@ -32,7 +32,15 @@ import numpy as np
 from np_drake.checks import require
 from np_drake.files.file_access import decompressed, decompressed_start
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
+from np_drake.logs.formats.format import (
+    Contents,
+    Format,
+    Motors,
+    Progress,
+    Recording,
+    Stream,
+    first_source,
+)
 from np_drake.logs.importing.log_map import LogMap, Source
 
 MAGIC = 0xBC
@@ -353,6 +361,12 @@ def default_map(contents: Contents) -> LogMap | None:
     return found if found.tells_motion else None
 
 
+def motors(contents: Contents) -> Motors:
+    """Return the motors of a log, by the names that the firmware gives them."""
+    found = default_map(contents) or LogMap()
+    return Motors(found.throttle, found.rotor_speed, names=tuple(_rotors("Crazyflie m{}")))
+
+
 def _xyz(prefix: str) -> list[str]:
     return [f"{prefix}{axis}" for axis in "xyz"]
 
@@ -361,4 +375,6 @@ def _rotors(pattern: str) -> list[str]:
     return [pattern.format(rotor) for rotor in (1, 2, 3, 4)]
 
 
-CRAZYFLIE = Format("crazyflie", "Crazyflie micro-SD log", _recognises, contents, default_map, read)
+CRAZYFLIE = Format(
+    "crazyflie", "Crazyflie micro-SD log", _recognises, contents, default_map, read, motors
+)

@@ -122,7 +122,9 @@ def motors(contents: Contents) -> Motors:
     if count == 4 and outputs != [1, 2, 3, 4]:
         notes.append(f"motors are on the outputs {', '.join(map(str, outputs))} (SERVOn_FUNCTION)")
     speed = Source(_escs(contents, outputs), "rpm") if count == 4 else Source()
-    return Motors(throttle, speed, _layout(parameters) if count == 4 else None, tuple(notes))
+    layout = _layout(parameters) if count == 4 else None
+    names = tuple(f"ArduPilot motor {n}" for n in (1, 2, 3, 4)) if count == 4 else ()
+    return Motors(throttle, speed, layout, tuple(notes), names=names)
 
 
 def _outputs(parameters: Mapping[str, float]) -> list[int]:

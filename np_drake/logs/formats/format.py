@@ -118,6 +118,7 @@ class Motors:
     throttle: of each motor in the order of the autopilot, 4 or more; empty: none.
     rotor_speed: of four, in that order.
     layout: where these four are; None: not stated, or they are not four.
+    names: of these four; empty: those of their columns.
     notes: one line each. unit: whether the log states that of the throttle; otherwise outputs are
         pulses or DShot counts.
     """
@@ -127,6 +128,7 @@ class Motors:
     layout: RotorLayout | None = None
     notes: tuple[str, ...] = ()
     unit: bool = True
+    names: tuple[str, ...] = ()
 
 
 def of_collective(count: int, kind: str = "") -> tuple[str, ...]:

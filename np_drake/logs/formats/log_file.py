@@ -22,6 +22,7 @@ from np_drake.logs.importing.laws import check_units
 from np_drake.logs.importing.signals import DROPOUTS, Signal, without_zeros
 from np_drake.logs.inputs import WORDS, inputs_of
 
+ROTORS = ("rotor", "throttles", "balance")  # fields with a column for each rotor
 SUFFIXES = (".csv", ".csv.gz", ".parquet")  # of the formats
 
 
@@ -76,6 +77,8 @@ def read(path: str | Path) -> list[FlightLog]:
         log.bridged = bridged if bridged.any() else None
         log.notes[:0] = [*split, *sheet.said]
         log.timing, log.layout, log.start = sheet.timing, sheet.rotors, sheet.start
+        columns_of_rotors = next((columns.COLUMNS[name] for name in ROTORS if name in fields), ())
+        log.motors = sheet.motors or tuple(f"column {name}" for name in columns_of_rotors)
         known = inputs_of(log)
         if not known:
             raise table.error(

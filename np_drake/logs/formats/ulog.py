@@ -93,10 +93,15 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
         tuple(parameters.get(f"CA_ROTOR{n}_P{axis}", float(n)) for axis in "XY") for n in lifting
     }
     notes = of_collective(count, "coaxial rotors" if len(placed) < len(lifting) else "")
-    layout = (
-        _layout(parameters, lifting) if 4 in (len(throttle.columns), len(speed.columns)) else None
+    four = 4 in (len(throttle.columns), len(speed.columns))
+    return Motors(
+        throttle,
+        speed,
+        _layout(parameters, lifting) if four else None,
+        notes,
+        unit=throttle.unit != "us" or bool(throttle.ends),
+        names=tuple(f"PX4 motor {n + 1}" for n in lifting or range(4)) if four else (),
     )
-    return Motors(throttle, speed, layout, notes, unit=throttle.unit != "us" or bool(throttle.ends))
 
 
 def other_vehicle(parameters: Parameters) -> str:

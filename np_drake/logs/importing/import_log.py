@@ -332,7 +332,8 @@ def import_log(
     require_a_flight(log_map, f"{path}", lambda fields: known.advice + looks(contents, fields))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
-    signals, said, notes, origin = _signals_of_parts(recording, log_map, str(path))
+    names = _rotor_names(log_map, motors.names or beside.motors)
+    signals, said, notes, origin = _signals_of_parts(recording, log_map, str(path), names)
     how = partial(imported_parts, path=str(path), origin=origin, adopt=adopt)
     log_map, parts, told = (
         how(signals, log_map)
@@ -350,7 +351,7 @@ def import_log(
     layout = motors.layout or beside.rotors
     for number, flight in enumerate(flights, start=1):
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
-        flight.timing, flight.layout = timing, layout
+        flight.timing, flight.layout, flight.motors = timing, layout, names
         flight.start += beside.start
     end = flights[-1].start + flights[-1].t[-1]
     other = getattr(contents, "other", "")
@@ -371,8 +372,17 @@ def import_log(
         [*said, *recording.notes, *notes],
     )
     return Imported(
-        tuple(flights), Sheet(timing, content, layout, said=standing), (*said, *derived)
+        tuple(flights),
+        Sheet(timing, content, layout, said=standing, motors=names),
+        (*said, *derived),
     )
+
+
+def _rotor_names(log_map: LogMap, stated: tuple[str, ...]) -> tuple[str, ...]:
+    """Return what a log calls its four rotors, else their columns; empty: it has none for each."""
+    sources = (log_map.rotor_speed, log_map.throttle)
+    columns = next((source.columns for source in sources if len(source.columns) == 4), [])
+    return (stated if columns else ()) or tuple(f"column {name}" for name in columns)
 
 
 def _map_for(
@@ -458,7 +468,7 @@ def _motors_of(motors: Motors, log_map: LogMap) -> Motors:
 
 
 def _signals_of_parts(
-    recording: Recording, log_map: LogMap, path: str
+    recording: Recording, log_map: LogMap, path: str, motors: Sequence[str]
 ) -> tuple[list[Signals], list[str], list[str], float]:
     """Return the signals of every part of a recording, two kinds of lines on them, and the origin.
 
@@ -469,7 +479,7 @@ def _signals_of_parts(
     signals, notes = gather(recording, log_map)
     require_a_likely_clock(signals, log_map, path)
     origin = float(clock_of(signals).t[0])
-    ends = _ends(signals, log_map)
+    ends = _ends(signals, log_map, motors)
     signals, slow = usable_inputs(signals, log_map)
     signals, short = within(
         signals, origin + (log_map.start or -np.inf), origin + (log_map.stop or np.inf)
@@ -489,8 +499,12 @@ def _signals_of_parts(
 TUMBLES = 3.0  # body rate to which a rotor that stops turns a vehicle [rad/s]; own choice
 
 
-def _ends(signals: Signals, log_map: LogMap) -> list[tuple[float, str]]:
-    """Return when a rotor stops in flight [s], and a reason that ends it; none: none does."""
+def _ends(signals: Signals, log_map: LogMap, motors: Sequence[str]) -> list[tuple[float, str]]:
+    """Return when a rotor stops in flight [s], and a reason that ends it; none: none does.
+
+    Args:
+        motors: names of the rotors.
+    """
     speeds = signals.get("rotor_speed")
     found = stopped_rotor(speeds) if speeds is not None else None
     if found is None:
@@ -499,7 +513,8 @@ def _ends(signals: Signals, log_map: LogMap) -> list[tuple[float, str]]:
     rates = signals["rates"] if "rates" in signals else in_frames(signals, log_map, [])["rates"]
     turns = np.abs(convert_quantity("rates", rates.between(t, np.inf).values, log_map))
     tumbles = turns.max(initial=0.0) > TUMBLES
-    what = f"rotor {number} stops" if tumbles else f"the speed of rotor {number} is told no more"
+    motor = motors[number - 1] if motors else f"rotor {number}"
+    what = f"{motor} stops" if tumbles else f"the speed of {motor} is told no more"
     return [(t, f"{what}!")]
 
 

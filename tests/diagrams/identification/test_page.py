@@ -72,7 +72,7 @@ def test_the_page_begins_with_the_answer_and_needs_no_network(folder, found):
     assert pictures == ["agreement", "intervals", "residuals"]
     assert page.count("<img") == 3
     for quantity in found.quantities:
-        assert f"<b>{quantity.name}</b>" in page
+        assert f"<b>{quantity.title}</b>" in page
         assert interval(quantity)[1] in page
 
 

@@ -10,6 +10,7 @@ import pytest
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 
@@ -47,6 +48,21 @@ def of(seen, inferred):
         return inferred(flights[:2], flights[2:])
 
     return inference
+
+
+def test_a_cause_that_predicts_beside_what_is_not_named_alone_is_none(seen, inferred):
+    def inference(*effects):
+        flights = [seen(*effects, name=n, seed=i, noise=1.0) for i, n in enumerate("abc", start=1)]
+        return inferred(flights[:2], flights[2:])
+
+    found, clean = inference(DRAG, MassError(0.15)), inference()
+    (drag,) = (c for c in found.causes if c.identifier == "linear_drag")
+    dut = dc.replace(found, causes=[drag])
+    assert [c.identifier for c in module.as_named(dut).causes] == ["linear_drag"]
+    elsewhere = dc.replace(found.ranking, problem=clean.ranking.problem)
+    alone = module.as_named(dc.replace(dut, ranking=elsewhere, held=clean.held))
+    assert alone.causes == []
+    assert "predict" in alone.below_threshold[-1].text
 
 
 def test_a_force_that_follows_the_place_is_unknown_and_not_gusts(of):

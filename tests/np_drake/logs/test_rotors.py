@@ -17,14 +17,15 @@ from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 STEP, SECONDS = 0.01, 8.0
 
 
-def turning(vehicle: Vehicle, noise: float = 0.5, seed: int = 1) -> FlightLog:
+def turning(vehicle: Vehicle, noise: float = 0.5, seed: int = 1, spin: float = 0.0) -> FlightLog:
     """Return a hovering flight that rocks about every axis, with rotor speed; noise: of torque over
-    what turns it.
+    what turns it; spin: about z, with precession [rad/s].
     """
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, SECONDS, STEP)
     waves = [(f, *rng.uniform(0, 2 * np.pi, 3)) for f in (0.9, 1.7, 2.6, 4.1)]
     w = sum(0.3 * np.sin(2 * np.pi * f * t[:, None] + np.array(phase)) for f, *phase in waves)
+    w = w + spin * np.column_stack([0.2 * np.cos(6 * t), 0.2 * np.sin(6 * t), np.ones(len(t))])
     torque = np.gradient(w, STEP, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
     torque += noise * torque.std(axis=0) * rng.normal(size=torque.shape)
     u = np.column_stack([np.full(len(t), vehicle.mass * vehicle.gravity), torque])
@@ -66,6 +67,19 @@ def test_rotors_that_turn_otherwise_than_in_the_file_are_refused():
         error.value
     )
     assert "\n" not in str(error.value)
+
+
+def test_what_is_flown_after_a_motor_failed_tells_no_order():
+    vehicle = Vehicle()
+    sound, failed = turning(vehicle), turning(vehicle, spin=25.0)
+    failed = dc.replace(failed, rotor=failed.rotor[:, [1, 0, 3, 2]])  # as no order of the flight
+    both = {
+        name: np.concatenate([getattr(sound, name), getattr(failed, name)])
+        for name in ("p", "q", "v", "w", "u", "rotor")
+    }
+    log = dc.replace(sound, t=np.arange(2 * len(sound)) * STEP, **both)
+    (dut,) = in_vehicle_order([log], vehicle)
+    assert dut.notes == []
 
 
 def on_a_turned_board(log: FlightLog, angle: float) -> FlightLog:

@@ -9,7 +9,7 @@ import pytest
 
 from np_drake.logs.formats.neurobem import published_vehicle
 from np_drake.vehicle.estimate import AIR, FIGURE_OF_MERIT, HEAD, Measured, estimate
-from np_drake.vehicle.rotor_layout import FIRMWARE, RotorLayout, directions_of
+from np_drake.vehicle.rotor_layout import FIRMWARE, RotorLayout, directions_of, rotor_names
 from np_drake.vehicle.scaling import numbers
 from np_drake.vehicle.text import vehicle_text
 from np_drake.vehicle.vehicle import (
@@ -148,3 +148,22 @@ def test_a_plus_is_no_x_and_the_other_direction_is_refused():
         ValueError, match=r"turn the other way .* Write rotor_directions: \[1, -1, 1, -1\] there"
     ):
         FIRMWARE["px4"].order_of(PAPER.rotor_positions, [-d for d in PAPER.rotor_directions])
+
+
+@pytest.mark.parametrize(
+    "angles, says",
+    [
+        ((45, -45, -135, 135), ["front left", "front right", "rear right", "rear left"]),
+        ((0, 90, 180, -90), ["front", "left", "rear", "right"]),
+        ((30, 90, 150, -150, -90, -30), ["front left", "left", "rear left"]),
+        ((20, 70, 110, 160, -20, -70, -110, -160), ["front left at 20 deg"]),
+    ],
+)
+def test_a_rotor_is_called_by_its_place_and_by_the_log(angles, says):
+    turned = np.radians(angles)
+    positions = 0.2 * np.column_stack([np.cos(turned), np.sin(turned)])
+    motors = [f"PX4 motor {n}" for n in range(1, len(turned) + 1)]
+    dut = rotor_names(positions, [motors, (), motors])
+    assert [rotor.place for rotor in dut][: len(says)] == says
+    assert str(dut[0]) == f"{says[0]} rotor (PX4 motor 1)"
+    assert str(rotor_names(positions, [])[0]) == f"{says[0]} rotor (rotor 1 of the vehicle file)"

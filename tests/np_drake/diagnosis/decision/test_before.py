@@ -50,7 +50,11 @@ def test_what_was_there_before_has_not_changed(since):
     "change, parameter, says",
     [
         (MassError(0.12), "delta_mass", "mass +120 g"),
-        (WeakRotor(4.0, 0.85), "efficiency", "rotor 4: thrust −15 %"),
+        (
+            WeakRotor(4.0, 0.85),
+            "efficiency",
+            "rear left rotor (rotor 4 of the vehicle file): thrust −15 %",
+        ),
         (SuspendedPayload(0.1, length=0.8), "mass", "a 100 g payload on 0.79"),
     ],
 )

@@ -92,6 +92,8 @@ def test_held_out_flights_contradict_by_more_than_chance():
     assert not gaining(50.0, [5.0] * 10, [1.0, -1.5, 0.5]).contradicted
     assert gaining(50.0, [5.0] * 10, [-20.0, -22.0, -18.0]).contradicted
     assert not gaining(50.0, [5.0] * 10).contradicted
+    assert gaining(0.0, [0.0] * 10, [20.0, 22.0, 18.0]).confirmed
+    assert not gaining(0.0, [0.0] * 10, [1.0, -1.5, 0.5]).confirmed
 
 
 def test_a_drag_that_acts_predicts_every_flight_and_the_held_out_one(seen, inferred):

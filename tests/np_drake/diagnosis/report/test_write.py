@@ -7,6 +7,8 @@ import re
 import pytest
 
 from np_drake.diagnosis.report.page import figures, write_report
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rotor_layout import rotor_names
 
 HOSTILE = '<script>alert("x")</script>&$\\frac{$ 飞.csv'
 
@@ -40,7 +42,14 @@ def test_the_page_stands_alone(folder):
 
 
 def test_every_number_of_the_figures_can_be_read(diagnosis, smallest_text):
-    assert all(smallest_text(figure) >= 9.0 for figure in figures(diagnosis).values())  # [px]
+    vehicle = Vehicle()
+    rotors = rotor_names(vehicle.rotor_positions, [[f"PX4 motor {n}" for n in (3, 1, 4, 2)]])
+    weak = dc.replace(diagnosis.causes[0], rotor=rotors[0])
+    found = figures(dc.replace(diagnosis, nominal=vehicle, rotors=tuple(rotors), causes=(weak,)))
+    assert all(smallest_text(figure) >= 9.0 for figure in found.values())  # [px]
+    (ax,) = found["rotors"].get_axes()
+    bold = [text.get_text() for text in ax.texts if text.get_weight() == "bold"]
+    assert bold == ["1", "PX4 motor 3"]
 
 
 def test_hostile_names_are_text(diagnosis, tmp_path):

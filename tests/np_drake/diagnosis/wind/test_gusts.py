@@ -86,9 +86,8 @@ def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
     wind, gusts = ConstantWind(1.0, 0.0, 0.0), GustyWind(3.0, -1.0, 0.5, 2.0, 0.5)
     flight = seen(LinearDrag(0.3, 0.3, 0.3), ConstantWind(3.0, -1.0, 0.5), name="c", seed=5)
     terms = [Term(wind), Term(LinearDrag(0.1, 0.1, 0.1), {"c": None})]
-    held = HeldOut(
-        [flight], {"c": terms}, {"c": flight.y}, {"c": np.ones(len(flight.t), bool)}, {"c": terms}
-    )
+    rows = {"c": np.ones(len(flight.t), bool)}
+    held = HeldOut([flight], {"c": terms}, {"c": flight.y}, rows, {"c": terms}, effects=2)
     causes = [
         Cause("linear_drag", 0.9, {}, {"c": None}, effect=LinearDrag(0.3, 0.3, 0.3)),
         Cause("gusty_wind", 0.9, {}, {"c": None}, effect=gusts),
@@ -96,6 +95,7 @@ def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
     dut = in_gusts(held, causes)
     assert [t.effect.identifier for t in dut.terms["c"]] == ["linear_drag", "gusty_wind"]
     assert np.abs(dut.residual["c"][:, :6]).max() < 1e-3
+    assert len(dut.kept("c", ["linear_drag"])) == 1  # a gain is that of gusts alone
     assert held.residual["c"] is flight.y
     late = [dc.replace(c, onset={"c": 4.0}) for c in causes]
     assert [t.begins("c") for t in in_gusts(held, late).terms["c"]] == [4.0, 4.0]

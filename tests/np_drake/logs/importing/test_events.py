@@ -47,9 +47,9 @@ def test_the_flight_before_a_rotor_stops_is_a_flight(flown, import_px4, every):
     )
     (dut,) = found.flights
     assert 6.0 - 0.02 * every < dut.t[-1] < 6.0
-    stops = [line for line in found.said if line.startswith("rotor 3 stops at ")]
+    stops = [line for line in found.said if line.startswith("PX4 motor 3 stops at ")]
     assert len(stops) == 1
-    assert float(stops[0].split()[4]) == pytest.approx(dut.t[-1], abs=0.02)
+    assert float(stops[0].split()[5]) == pytest.approx(dut.t[-1], abs=0.02)
     assert "what comes after it is left out" in stops[0]
 
 
@@ -59,7 +59,7 @@ def test_a_rotor_told_no_more_while_the_vehicle_flies_on_has_not_stopped(fly, im
     told = speeds(calm, autopilots)
     told[calm.t >= 6.0, 2] = 0.0
     found = import_px4({}, change=lambda streams: autopilots.px4(calm, {"esc_status": told}))
-    assert any("the speed of rotor 3 is told no more" in line for line in found.said)
+    assert any("the speed of PX4 motor 3 is told no more" in line for line in found.said)
 
 
 def test_rotors_that_stop_together_land_and_one_alone_does_not():

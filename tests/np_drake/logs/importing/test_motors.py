@@ -40,9 +40,10 @@ def test_px4_motors_come_into_the_order_of_the_vehicle_file(flown, import_px4, t
     dut = opened(found, tmp_path)
     np.testing.assert_allclose(dut.throttle, ours, atol=1e-9)
     assert (
-        "rotors 1, 2, 3, 4 of the vehicle file are 3, 1, 4, 2 of the log (CA_ROTORn_PX, PY, KM)"
-        in dut.notes
+        "rotors 1, 2, 3, 4 of the vehicle file are PX4 motor 3, PX4 motor 1, PX4 motor 4, PX4 "
+        "motor 2 (CA_ROTORn_PX, PY, KM)" in dut.notes
     )
+    assert dut.motors == ("PX4 motor 3", "PX4 motor 1", "PX4 motor 4", "PX4 motor 2")
     assert read_sheet(tmp_path / "flight.csv").rotors == found.sheet.rotors
 
 
@@ -116,7 +117,9 @@ def test_ardupilot_motors_are_on_the_outputs_of_their_functions(flown, import_ar
     frame = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0, "MOT_PWM_MIN": 1050.0, "MOT_PWM_MAX": 1950.0}
     gimbal = {"SERVO1_FUNCTION": 7.0, "SERVO2_FUNCTION": 8.0}
     found = import_ardupilot(pulses, frame | gimbal | servos((6, 5, 4, 3)))
-    np.testing.assert_allclose(opened(found, tmp_path).throttle, ours, atol=1e-9)
+    dut = opened(found, tmp_path)
+    np.testing.assert_allclose(dut.throttle, ours, atol=1e-9)
+    assert dut.motors == tuple(f"ArduPilot motor {n}" for n in (3, 1, 4, 2))
     assert "motors are on the outputs 6, 5, 4, 3 (SERVOn_FUNCTION)" in found.said
 
 

@@ -26,6 +26,7 @@ rates: {columns: [p, q, r], unit: deg/s}
 acceleration: {columns: [ax, ay, az], unit: g}
 thrust: {columns: [fz], scale: -1}
 torque: {columns: [mx, my, mz]}
+throttle: {columns: [a, b, c, d]}
 """
 
 
@@ -74,7 +75,7 @@ def assert_same(found, log, tolerance, *, clock=1e-6, command=True, acceleration
 XYZ = "xyz"
 
 
-def test_crazyflie(flight, specific, tmp_path):
+def test_crazyflie(flight, specific, throttle, tmp_path):
     estimate = autopilots.named(
         [
             *(f"stateEstimate.{a}" for a in XYZ),
@@ -88,9 +89,11 @@ def test_crazyflie(flight, specific, tmp_path):
         np.column_stack([np.rad2deg(flight.w), specific / 9.80665]),
     )
     control = autopilots.named(["ctrlLee.thrustSi", *(f"ctrlLee.torque{a}" for a in XYZ)], flight.u)
+    control |= autopilots.named([f"pwm.m{n}_pwm" for n in (1, 2, 3, 4)], 65535 * throttle)
     streams = {n: Stream(flight.t, c) for n, c in (("e", estimate), ("s", sensors), ("c", control))}
     writer("crazyflie").write(tmp_path / "log00", streams)
-    assert_same(imported(tmp_path / "log00"), flight, SINGLE)
+    dut = assert_same(imported(tmp_path / "log00"), flight, SINGLE)
+    assert dut.motors == ("Crazyflie m1", "Crazyflie m2", "Crazyflie m3", "Crazyflie m4")
 
 
 def test_ulog(flight, throttle, tmp_path):
@@ -128,7 +131,7 @@ def test_blackbox_of_indiflight(flight, specific, throttle, tmp_path):
     writer("blackbox").write(tmp_path / "log.BFL", writer("blackbox").main_log(columns, **options))
     found = imported(tmp_path / "log.BFL")
     dut = assert_same(found, flight, COUNT, command=False)
-    assert (dut.name, dut.input) == ("log", "rotor_speed")
+    assert (dut.name, dut.input, dut.motors[2]) == ("log", "rotor_speed", "Indiflight motor 3")
     assert np.allclose(dut.rotor, 2000 * throttle, atol=0.6)
     assert np.allclose(dut.throttle, throttle, atol=0.6 / 1889)
     assert found.sheet.rotors.source == "Betaflight, Quad X"
@@ -141,7 +144,7 @@ INDIFLIGHT = {
 
 
 @pytest.mark.parametrize("suffix", ["tsv", "parquet"])
-def test_a_table_in_ned_frd_by_its_map(flight, specific, tmp_path, suffix):
+def test_a_table_in_ned_frd_by_its_map(flight, specific, throttle, tmp_path, suffix):
     if suffix == "parquet":
         pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
     names = [
@@ -160,8 +163,10 @@ def test_a_table_in_ned_frd_by_its_map(flight, specific, tmp_path, suffix):
         np.column_stack([-flight.u[:, 0], autopilots.frd(flight.u[:, 1:])]),
     )
     columns["stamp"] = 1e6 * flight.t
+    columns |= autopilots.named(["a", "b", "c", "d"], throttle)
     path = tmp_path / f"flight.{suffix}"
     writer("table").write(
         path, {"table": Stream(0 * flight.t, columns)}, "\t" if suffix == "tsv" else ","
     )
-    assert_same(imported(path, NED_CSV, tmp_path), flight, DOUBLE)
+    dut = assert_same(imported(path, NED_CSV, tmp_path), flight, DOUBLE)
+    assert dut.motors == ("column a", "column b", "column c", "column d")
