@@ -20,7 +20,7 @@ from np_drake.diagnosis.forward_model import (
 )
 from np_drake.diagnosis.numerics import NoiseModel, with_loudness
 from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.regressors import onset_log_likelihood
+from np_drake.diagnosis.regressors import onset_log_likelihood, times_of_changes
 from np_drake.diagnosis.residuals import (
     LONGEST_BOUNCE,
     LONGEST_OUTLIER,
@@ -63,7 +63,7 @@ def adapt(
         for i, t in enumerate(terms)
         if drag.effect.identifier in type(t.effect).needs and drag.onset == t.onset
     }
-    terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
+    terms = [dc.replace(t, onset={}, hidden={}, changes={}) for t in terms]
     terms = [_anchored(terms, i, flight, noise, priors) for i in range(len(terms))]
     for i in sorted(range(len(terms)), key=lambda i: (not known[i], i in drag_of)):
         effect = terms[i].effect
@@ -201,12 +201,19 @@ def _with_onset(
         if term.effect.has_hidden_state
         else predicted_residual(flight, terms)
     )
-    t, profile = onset_log_likelihood(flight, noise, flight.y - rest, trace - rest)
+    sizes = [1.0, *(load / term.effect.values["mass"] for load in term.loads)]
+    t, profile, following = onset_log_likelihood(
+        flight, noise, flight.y - rest, trace - rest, sizes, priors.onset_gain
+    )
     k = int(np.argmax(profile))
-    if k == 0 or profile[k] - profile[0] < (priors.onset_gain if known else priors.new_onset_gain):
-        return term
-    onset = NEVER if k == len(t) - 1 else float(t[k])
+    if profile[k] - profile[0] < (priors.onset_gain if known else priors.new_onset_gain):
+        k = 0
+    onset = None if k == 0 else NEVER if k == len(t) - 1 else float(t[k])
     if onset == NEVER and not known:
+        onset, k = None, 0
+    if term.loads:
+        term = dc.replace(term, changes={flight.name: times_of_changes(t, following, k)})
+    if onset is None:
         return term
     late = dc.replace(term, onset={flight.name: onset}, hidden={})
     return _anchored([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, priors, onset)

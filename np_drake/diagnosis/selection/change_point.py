@@ -7,10 +7,11 @@ import copy
 import dataclasses as dc
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model import NEVER
+from np_drake.diagnosis.forward_model import NEVER, Term
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
     Candidate,
@@ -18,10 +19,13 @@ from np_drake.diagnosis.regressors import (
     Sums,
     SwitchedRegressors,
     hidden_from,
+    ordered_changes,
     switched,
+    times_of_changes,
     wind_candidates,
 )
-from np_drake.diagnosis.residuals import LEAST_DURATION
+from np_drake.diagnosis.numerics import places
+from np_drake.diagnosis.residuals import LEAST_DURATION, FlightResiduals
 from np_drake.diagnosis.selection.payload_search import AT_REST, PayloadSearch
 from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.mass_error import MassError
@@ -117,6 +121,15 @@ class Onsets:
     evidence: float
 
 
+class Steps(NamedTuple):
+    """Times (k,) at which the size of an effect changes in a flight [s], and the sizes (k + 1,)
+    between them [1].
+    """
+
+    times: tuple[float, ...]
+    sizes: np.ndarray
+
+
 class OnsetScan:
     """Log evidence of a candidate from any instant on, beside nuisance and members of a model."""
 
@@ -126,7 +139,7 @@ class OnsetScan:
         scale, size = problem.temperature**-0.5, sum(c.size for c in chosen)
         self._products = np.zeros((size + 1, size + 1))
         # Either side of what begins is then as long as a flight that can be diagnosed.
-        edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
+        self._edge = edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
         self._go_on = {e.name for e in problem.flights if e.goes_on or e.earlier}
         self._flights: dict[str, SwitchedRegressors] = {}
         self._inside: dict[str, np.ndarray] = {}  # rows that may be onsets
@@ -168,6 +181,62 @@ class OnsetScan:
                 at[name] = whole[name].rows([rows[np.argmax(profile)]])
         first, *rest = at.values()
         return float(self._evidence(first, rest)[0])
+
+    def _left(self, name: str, candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
+        """Return for a candidate of one column its X'X and X'y (m + 1,) over all rows of a flight
+        from each row on, y less the posterior mean of what acts as well but for `PIECES`.
+        """
+        pieces = [c.variant == PIECES for c in self.problem.candidates]
+        mean = np.where(np.append(pieces, False)[self._owner], 0.0, self._mean)
+        whole = self._flights[name].whole(candidate.columns[name])
+        return whole.XX[:, 0, 0], (whole.Xy - whole.XB @ mean[whole.at])[:, 0]
+
+    @property
+    def _cost(self) -> float:
+        """Log evidence that a change must bring, its prior among all rows of a flight included."""
+        priors, rows = self.problem.options.priors, max(len(f.t) for f in self._flights.values())
+        return priors.onset_gain - priors.onset + math.log(rows)
+
+    def steps(self, candidate: Candidate) -> dict[str, Steps]:
+        """Return by flight when the size of a candidate of one column changes, and its sizes.
+
+        Every size has its prior; no change follows another by less than `edge`.
+        Source: optimal partitioning (Jackson et al. 2005).
+        """
+        found = dict[str, Steps]()
+        for name, flight in self._flights.items():
+            rows = np.array([0, *self._inside[name][::COARSE], len(flight.t)])
+            XX, Xy = (sums[rows] for sums in self._left(name, candidate))
+            # [i, j]: of the rows from boundary i to boundary j.
+            precision, product = 1.0 + XX[:, None] - XX, Xy[:, None] - Xy
+            gain = 0.5 * (product**2 / precision - np.log(np.maximum(precision, 1.0)))
+            step = flight.t[1] - flight.t[0]
+            gain[(rows - rows[:, None]) * step < self._edge] = -np.inf
+            gain[1:] -= self._cost
+            best, before = np.zeros(len(rows)), np.zeros(len(rows), int)
+            for j in range(1, len(rows)):
+                total = best[:j] + gain[:j, j]
+                before[j] = np.argmax(total)
+                best[j] = total[before[j]]
+            ends = [len(rows) - 1]
+            while ends[0]:
+                ends.insert(0, int(before[ends[0]]))
+            sizes = (product / precision)[ends[:-1], ends[1:]]
+            found[name] = Steps(tuple(flight.t[rows[ends[1:-1]]].tolist()), sizes)
+        return found
+
+    def changes(self, candidate: Candidate, sizes: Sequence[float]) -> dict[str, tuple[float, ...]]:
+        """Return by flight the times at which a candidate of one column changes to the next of its
+        sizes (k + 1,), the first of which it has from the start [s]; infinite: not there.
+        """
+        found = dict[str, tuple[float, ...]]()
+        for name, flight in self._flights.items():
+            barred = np.ones(len(flight.t) + 1, bool)
+            barred[[0, *self._inside[name], -1]] = False
+            XX, Xy = self._left(name, candidate)
+            _, following = ordered_changes(XX, Xy, sizes, self._cost, barred)
+            found[name] = times_of_changes(np.append(flight.t, NEVER), following, 0)
+        return found
 
     def best(self, candidate: Candidate) -> Onsets:
         """Return the onsets at which the candidate explains the flights best.
@@ -288,6 +357,89 @@ def switched_candidates(scan: OnsetScan) -> list[Candidate]:
                     key = (late.identifiers, late.variant, tuple(sorted(at.onset.items())))
                     found.setdefault(key, dc.replace(late, onset_prior=at.prior))
     return list(found.values())
+
+
+PIECES = "pieces"  # variant of a candidate that acts in pieces of flights, each of a size of its own
+ROUNDS = 4  # in which steps are sought, at most
+
+
+def in_pieces(
+    candidate: Candidate, flights: Sequence[FlightResiduals], steps: dict[str, Steps]
+) -> Candidate:
+    """Return a candidate of one column cut at its steps, a column for every piece of a flight."""
+    at = places(len(steps[e.name].sizes) for e in flights)
+    columns = {e.name: np.zeros((*e.y.shape, at[-1].stop)) for e in flights}
+    for e, own in zip(flights, at, strict=True):
+        begun = np.stack([e.begun(t) for t in (None, *steps[e.name].times, NEVER)], axis=-1)
+        columns[e.name][..., own] = candidate.columns[e.name] * -np.diff(begun, axis=-1)
+    return dc.replace(candidate, variant=PIECES, columns=columns, physical=None)
+
+
+def _in_steps(
+    problem: RegressionProblem, weight: Candidate
+) -> tuple[list[float], dict[str, tuple[float, ...]]]:
+    """Return the sizes of a weight (one column) in turn, alike in all flights, and by flight the
+    times at which it changes to the next [s].
+
+    Beside all else that may act from the start. Steps that are too many do no harm at first: in
+    their pieces they leave what else acts to its own columns, beside which they are sought anew.
+    """
+    others = [
+        i
+        for i, c in enumerate(problem.candidates)
+        if c.size <= MOST_COLUMNS and not c.onset and PAYLOAD not in c.identifiers
+    ]
+    found, scan = dict[str, Steps](), OnsetScan(problem, others)
+    for _ in range(ROUNDS):
+        before, found = found, scan.steps(weight)
+        if {n: f.times for n, f in found.items()} == {n: f.times for n, f in before.items()}:
+            break
+        cut = problem.extended([in_pieces(weight, problem.flights, found)])
+        scan = OnsetScan(cut, [*others, len(problem.candidates)])
+    most = max(len(f.times) for f in found.values())
+    sizes = np.mean([f.sizes for f in found.values() if len(f.times) == most], axis=0).tolist()
+    return sizes, scan.changes(weight, sizes)
+
+
+def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
+    """Return payloads whose mass changes in flight, as the steps of a weight show it.
+
+    The lightest load is none, or the two lightest, or there is one from the start to the end:
+    thrust that is not known tells steps of a weight, and not where they begin.
+    """
+    flights, options = problem.flights, problem.options
+    plain = [c for c in problem.candidates if not c.onset]
+    hung = [c for c in plain if c.identifiers == (PAYLOAD,)]
+    weights = [*hung, *(c for c in plain if c.identifiers == WEIGHTS[0])]
+    if PAYLOAD in hidden_from(flights) or not weights:
+        return []
+    columns = {n: X[..., :1] for n, X in weights[0].columns.items()}
+    sizes, changes = _in_steps(problem, dc.replace(weights[0], columns=columns))
+    if len(sizes) == 1:
+        return []
+    begun = sum(np.isfinite(times).sum() for times in changes.values())
+    prior = begun * (options.priors.onset - math.log(len(flights[0].t)))
+    others = [c for c in plain if c.size <= 3 and PAYLOAD not in c.identifiers]
+    found, order = list[Candidate](), np.argsort(sizes)
+    for none in (order[:1], order[:2], order[:0]):
+        loads = np.array(sizes) - min(sizes) + (len(none) == 0)
+        loads[none] = 0.0
+        if not loads.any():
+            continue
+        late, onset = int(loads[0] == 0.0), dict[str, float | None]()
+        if late:
+            onset = {n: min(times) for n, times in changes.items()}
+        onset |= {e.name: NEVER for e in flights if e.earlier}
+        later = {n: times[late:] for n, times in changes.items()}
+        base, *rest = loads[late:].tolist()
+        if not base:
+            continue
+        search = PayloadSearch(flights, options, onset, None, [r / base for r in rest], later)
+        import time; t0=time.time()
+        own = search.followed(problem.noise, problem.nuisance, others)
+        print(time.time()-t0, none, loads, onset, later, [(g.effect.mass, g.effect.length, g.loads) for g, c in own])
+        found += [dc.replace(c, onset_prior=prior) for _, c in own]
+    return found
 
 
 def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
