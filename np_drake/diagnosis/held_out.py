@@ -195,6 +195,10 @@ def _with_onset(
     here, and is not excused where it is not there at all.
     """
     term = terms[i]
+    if term.loads:  # jumps were fitted to the first load alone
+        start = {name: swing[:STATE] for name, swing in term.hidden.items()}
+        term = dc.replace(term, hidden=start)
+    terms = [*terms[:i], term, *terms[i + 1 :]]
     rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
     trace = (
         _span_by_span(terms, i, flight, noise, priors)
@@ -206,17 +210,15 @@ def _with_onset(
         flight, noise, flight.y - rest, trace - rest, sizes, priors.onset_gain
     )
     k = int(np.argmax(profile))
-    if profile[k] - profile[0] < (priors.onset_gain if known else priors.new_onset_gain):
+    late = profile[k] - profile[0] >= (priors.onset_gain if known else priors.new_onset_gain)
+    if not late or (k == len(t) - 1 and not known):
         k = 0
-    onset = None if k == 0 else NEVER if k == len(t) - 1 else float(t[k])
-    if onset == NEVER and not known:
-        onset, k = None, 0
-    if term.loads:
-        term = dc.replace(term, changes={flight.name: times_of_changes(t, following, k)})
-    if onset is None:
+    if k == 0 and not term.loads:
         return term
-    late = dc.replace(term, onset={flight.name: onset}, hidden={})
-    return _anchored([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, priors, onset)
+    onset = None if k == 0 else NEVER if k == len(t) - 1 else float(t[k])
+    changes = {flight.name: times_of_changes(t, following, k)}
+    begun = dc.replace(term, onset={flight.name: onset}, hidden={}, changes=changes)
+    return _anchored([*terms[:i], begun, *terms[i + 1 :]], i, flight, noise, priors, onset)
 
 
 def _span_by_span(
