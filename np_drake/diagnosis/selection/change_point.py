@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model import NEVER, Term
+from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
     Candidate,
+    Onset,
     RegressionProblem,
     Sums,
     SwitchedRegressors,
@@ -26,7 +27,7 @@ from np_drake.diagnosis.regressors import (
 )
 from np_drake.diagnosis.numerics import places
 from np_drake.diagnosis.residuals import LEAST_DURATION, FlightResiduals
-from np_drake.diagnosis.selection.payload_search import AT_REST, PayloadSearch
+from np_drake.diagnosis.selection.payload_search import AT_REST, PayloadSearch, payload_about
 from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
@@ -158,10 +159,10 @@ class OnsetScan:
         to be zero.
         """
         b = len(self._owner)
-        self._covariance, self._mean = np.zeros((b, b)), np.zeros(b)
+        self._covariance, self.mean = np.zeros((b, b)), np.zeros(b)
         own = np.linalg.inv(np.eye(len(on)) + self._products[np.ix_(on, on)])
         self._covariance[np.ix_(on, on)] = own
-        self._mean[on] = own @ self._products[on, -1]
+        self.mean[on] = own @ self._products[on, -1]
 
     def given(self, members: Sequence[int]) -> "OnsetScan":
         """Return the scan beside nuisance and some of its members alone, from the same sums."""
@@ -187,7 +188,7 @@ class OnsetScan:
         from each row on, y less the posterior mean of what acts as well but for `PIECES`.
         """
         pieces = [c.variant == PIECES for c in self.problem.candidates]
-        mean = np.where(np.append(pieces, False)[self._owner], 0.0, self._mean)
+        mean = np.where(np.append(pieces, False)[self._owner], 0.0, self.mean)
         whole = self._flights[name].whole(candidate.columns[name])
         return whole.XX[:, 0, 0], (whole.Xy - whole.XB @ mean[whole.at])[:, 0]
 
@@ -322,7 +323,7 @@ class OnsetScan:
         within = (flat @ covariance[np.ix_(at, at)]).reshape(X.shape)
         explained = within @ np.swapaxes(X, 1, 2) + cross + np.swapaxes(cross, 1, 2)
         A = XX + np.eye(XX.shape[1]) - explained - known @ beside.T
-        b = Xy - X @ self._mean[at] - beside @ self._mean
+        b = Xy - X @ self.mean[at] - beside @ self.mean
         if b.shape[1] == 1:  # most effects
             return 0.5 * (b**2 / A[..., 0] - np.log(A[..., 0]))[:, 0]
         gain = np.sum(b * np.linalg.solve(A, b[..., None])[..., 0], axis=1)
@@ -376,70 +377,93 @@ def in_pieces(
 
 
 def _in_steps(
-    problem: RegressionProblem, weight: Candidate
+    problem: RegressionProblem, weight: Candidate, others: Sequence[int]
 ) -> tuple[list[float], dict[str, tuple[float, ...]]]:
     """Return the sizes of a weight (one column) in turn, alike in all flights, and by flight the
     times at which it changes to the next [s].
 
-    Beside all else that may act from the start. Steps that are too many do no harm at first: in
-    their pieces they leave what else acts to its own columns, beside which they are sought anew.
+    Beside all `others` that may act. Steps that are too many do no harm at first: in their pieces
+    they leave what else acts to its own columns, beside which they are sought anew.
     """
-    others = [
-        i
-        for i, c in enumerate(problem.candidates)
-        if c.size <= MOST_COLUMNS and not c.onset and PAYLOAD not in c.identifiers
-    ]
     found, scan = dict[str, Steps](), OnsetScan(problem, others)
     for _ in range(ROUNDS):
         before, found = found, scan.steps(weight)
         if {n: f.times for n, f in found.items()} == {n: f.times for n, f in before.items()}:
             break
-        cut = problem.extended([in_pieces(weight, problem.flights, found)])
-        scan = OnsetScan(cut, [*others, len(problem.candidates)])
+        scan = _beside(problem, others, in_pieces(weight, problem.flights, found))
     most = max(len(f.times) for f in found.values())
     sizes = np.mean([f.sizes for f in found.values() if len(f.times) == most], axis=0).tolist()
     return sizes, scan.changes(weight, sizes)
 
 
+def _beside(problem: RegressionProblem, others: Sequence[int], pieces: Candidate) -> OnsetScan:
+    """Return the scan beside some candidates and `PIECES`."""
+    return OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
+
+
 def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     """Return payloads whose mass changes in flight, as the steps of a weight show it.
 
-    The lightest load is none, or the two lightest, or there is one from the start to the end:
-    thrust that is not known tells steps of a weight, and not where they begin.
+    The lightest load is none, or the two lightest are, or no one is: where thrust is not known,
+    steps of a weight tell no more. One that is hung on and stays is of `late_payloads`.
     """
     flights, options = problem.flights, problem.options
     plain = [c for c in problem.candidates if not c.onset]
-    hung = [c for c in plain if c.identifiers == (PAYLOAD,)]
-    weights = [*hung, *(c for c in plain if c.identifiers == WEIGHTS[0])]
+    weights = [c for c in plain if c.identifiers == (PAYLOAD,)]
+    weights += [c for c in plain if c.identifiers == WEIGHTS[0]]
     if PAYLOAD in hidden_from(flights) or not weights:
         return []
-    columns = {n: X[..., :1] for n, X in weights[0].columns.items()}
-    sizes, changes = _in_steps(problem, dc.replace(weights[0], columns=columns))
-    if len(sizes) == 1:
-        return []
-    begun = sum(np.isfinite(times).sum() for times in changes.values())
-    prior = begun * (options.priors.onset - math.log(len(flights[0].t)))
+    acting = [
+        i
+        for i, c in enumerate(problem.candidates)
+        if c.size <= MOST_COLUMNS and not c.onset and PAYLOAD not in c.identifiers
+    ]
+    sizes, changes = _in_steps(problem, _first_column(weights[0]), acting)
     others = [c for c in plain if c.size <= 3 and PAYLOAD not in c.identifiers]
     found, order = list[Candidate](), np.argsort(sizes)
     for none in (order[:1], order[:2], order[:0]):
-        loads = np.array(sizes) - min(sizes) + (len(none) == 0)
+        loads = np.array(sizes) - min(sizes) + (not len(none))
         loads[none] = 0.0
-        if not loads.any():
+        late = int(loads[0] == 0.0)
+        base, *rest = loads[late:].tolist() or [0.0]
+        if not base or not rest:
             continue
-        late, onset = int(loads[0] == 0.0), dict[str, float | None]()
-        if late:
-            onset = {n: min(times) for n, times in changes.items()}
-        onset |= {e.name: NEVER for e in flights if e.earlier}
+        onset = {n: min(times) for n, times in changes.items()} if late else {}
+        onset = {**onset, **{e.name: NEVER for e in flights if e.earlier}}
         later = {n: times[late:] for n, times in changes.items()}
-        base, *rest = loads[late:].tolist()
-        if not base:
-            continue
-        search = PayloadSearch(flights, options, onset, None, [r / base for r in rest], later)
-        import time; t0=time.time()
-        own = search.followed(problem.noise, problem.nuisance, others)
-        print(time.time()-t0, none, loads, onset, later, [(g.effect.mass, g.effect.length, g.loads) for g, c in own])
-        found += [dc.replace(c, onset_prior=prior) for _, c in own]
+        ratios = [load / base for load in rest]
+        search = PayloadSearch(flights, options, onset, None, ratios, later)
+        followed = search.followed(problem.noise, problem.nuisance, others)
+        if followed:
+            guess, candidate = followed[0]
+            onset = search.when(problem.noise, problem.nuisance, guess)
+            found.append(_sharpened(problem, acting, candidate, onset))
     return found
+
+
+def _first_column(candidate: Candidate) -> Candidate:
+    return dc.replace(candidate, columns={n: X[..., :1] for n, X in candidate.columns.items()})
+
+
+def _sharpened(
+    problem: RegressionProblem, others: Sequence[int], payload: Candidate, onset: Onset
+) -> Candidate:
+    """Return a payload with changes to the row: where its loads, as they are beside `others`, come
+    one after the other.
+    """
+    flights, priors = problem.flights, problem.options.priors
+    scan = _beside(problem, others, dc.replace(payload, variant=PIECES))
+    (term,) = payload.terms(scan.mean[-payload.size :])
+    term = dc.replace(term, onset=onset)
+    bare = payload_about(flights, dc.replace(term, loads=(), changes={}), priors, shaped=False)
+    unit = bare.guess.effect.values["mass"]
+    sizes = [mass / unit for mass in (term.effect.values["mass"], *term.loads)]
+    changes = scan.changes(_first_column(bare.candidate(flights)), sizes)
+    moved = payload_about(flights, dc.replace(term, changes=changes), priors).candidate(flights)
+    instants = [t for times in (*changes.values(), onset.values()) for t in times if t is not None]
+    begun = np.isfinite(instants).sum()
+    prior = begun * (priors.onset - math.log(max(len(e.t) for e in flights)))
+    return dc.replace(moved, log_prior=payload.log_prior, onset_prior=prior)
 
 
 def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
