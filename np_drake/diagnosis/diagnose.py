@@ -28,6 +28,7 @@ from np_drake.diagnosis.calibration import (
 from np_drake.diagnosis.decision.decide import (
     decide,
     estimates,
+    load_estimates,
     joint_posterior,
     without_late_onsets,
 )
@@ -161,6 +162,7 @@ def as_named(found: Inference) -> Inference:
             c,
             parameters=estimates(fit, terms[c.identifier], vehicle, options),
             effect=fit.terms[terms[c.identifier]].effect,
+            loads=load_estimates(fit, terms[c.identifier], vehicle, options),
         )
         for c in found.causes
     ]

@@ -398,10 +398,15 @@ STEPS = 3  # points of an interval that are tried; own choice
 
 def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
     """Return the 95 % interval of a parameter of term i, from the covariance of the fit."""
-    value = float(getattr(fit.terms[i].effect, name))
-    own = (k for k, f in enumerate(fit.free) if (f.term, f.name, f.flight) == (i, name, ""))
-    half = sum(SURE * float(np.sqrt(fit.covariance[k, k])) for k in own)
+    value, half = float(getattr(fit.terms[i].effect, name)), half_width(fit, i, name)
     return value - half, value + half
+
+
+def half_width(fit: Fit, i: int, name: str, entry: int = 0) -> float:
+    """Return half the 95 % interval of a parameter of term i, or of an entry of its `LOADS`."""
+    wanted = (i, name, "", entry)
+    own = (k for k, f in enumerate(fit.free) if (f.term, f.name, f.flight, f.entry) == wanted)
+    return sum(SURE * float(np.sqrt(fit.covariance[k, k])) for k in own)
 
 
 def greatest_height(flights: Sequence[FlightResiduals]) -> float:

@@ -130,6 +130,8 @@ class Cause:
     changed: it acts in none of the flights from before what is asked.
     held_out_gain: share of the held-out gap above the noise that comes back without it [1];
         negative: flights contradict it.
+    loads: a payload's mass after each of its changes [kg]; 0: it is gone.
+    changes: by flight, the times of these [s]; infinite: not there.
     """
 
     identifier: str
@@ -141,6 +143,13 @@ class Cause:
     effect: Effect | None = None
     held_out_gain: float = float("nan")
     changed: bool = False
+    loads: tuple[Estimate, ...] = ()
+    changes: dict[str, tuple[float, ...]] = dc.field(default_factory=dict)
+
+    def steps(self, flight: str) -> list[tuple[float, Estimate]]:
+        """Return the changes of a payload's mass in a flight: time [s] and the mass from then on."""
+        both = zip(self.changes.get(flight, ()), self.loads, strict=False)
+        return [(t, load) for t, load in both if t != np.inf]
 
 
 @dc.dataclass(frozen=True)
@@ -395,6 +404,11 @@ class Diagnosis:
                         "parameters": {name: dc.asdict(e) for name, e in c.parameters.items()},
                         "onset": c.onset,
                         "absent_from": [e for e, time in c.onset.items() if time == np.inf],
+                        **(
+                            {"steps": {e: [[t, m.value, m.ci95] for t, m in c.steps(e)] for e in c.onset}}
+                            if c.loads
+                            else {}
+                        ),
                         "indistinguishable_from": c.indistinguishable_from,
                     }
                     for c in self.causes
