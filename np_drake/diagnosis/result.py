@@ -151,6 +151,13 @@ class Cause:
         both = zip(self.changes.get(flight, ()), self.loads, strict=False)
         return [(t, load) for t, load in both if t != np.inf]
 
+    def steps_as_json(self) -> dict[str, list[dict[str, Any]]]:
+        """Return them by flight: time [s], mass from then on and its 95 % interval [kg]."""
+        return {
+            name: [{"time": t, "mass": m.value, "ci95": m.ci95} for t, m in self.steps(name)]
+            for name in self.onset
+        }
+
 
 @dc.dataclass(frozen=True)
 class Difference:
@@ -404,11 +411,7 @@ class Diagnosis:
                         "parameters": {name: dc.asdict(e) for name, e in c.parameters.items()},
                         "onset": c.onset,
                         "absent_from": [e for e, time in c.onset.items() if time == np.inf],
-                        **(
-                            {"steps": {e: [[t, m.value, m.ci95] for t, m in c.steps(e)] for e in c.onset}}
-                            if c.loads
-                            else {}
-                        ),
+                        **({"steps": c.steps_as_json()} if c.loads else {}),
                         "indistinguishable_from": c.indistinguishable_from,
                     }
                     for c in self.causes

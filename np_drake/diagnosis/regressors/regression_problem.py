@@ -3,6 +3,7 @@
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
 from functools import cached_property, reduce
+from itertools import pairwise
 from operator import add
 from typing import Any, NamedTuple
 
@@ -380,10 +381,8 @@ def times_of_changes(t: np.ndarray, following: np.ndarray, first: int) -> tuple[
         t: (n,) times [s], the last one "not at all".
         following: (k, n) rows by `ordered_changes`.
     """
-    rows = [first]
+    rows = list[int]()
     for places in following:
-        rows.append(int(places[rows[-1]]))
-    ends = [*rows[2:], len(t) - 1]
-    return tuple(
-        NEVER if row >= end else float(t[row]) for row, end in zip(rows[1:], ends, strict=True)
-    )
+        rows.append(int(places[rows[-1] if rows else first]))
+    pairs = pairwise([*rows, len(t) - 1])
+    return tuple(NEVER if row >= end else float(t[row]) for row, end in pairs)

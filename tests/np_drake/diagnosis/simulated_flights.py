@@ -89,9 +89,15 @@ class Flight:
     """Simulation of one flight under some effects."""
 
     def __init__(
-        self, path: Course, places: EffectsByPlace, onset: Mapping[str, float], vehicle: Vehicle
+        self,
+        path: Course,
+        places: EffectsByPlace,
+        onset: Mapping[str, float],
+        vehicle: Vehicle,
+        loads: Mapping[float, float],
     ):
         self.path, self.places, self.onset, self.vehicle = path, places, onset, vehicle
+        self.loads = loads
         self.lag = next((e for e in places.actuator if isinstance(e, MotorLag)), None)
 
     def gate(self, effect: Any) -> np.ndarray:
@@ -198,10 +204,13 @@ class Flight:
         down = -(a[k : k + 50].mean(axis=0) + GRAVITY)
         r = payload.length * down / np.linalg.norm(down)
         still = np.zeros(3)
+        mass = np.full((len(x), 1), payload.mass)
+        for time, load in self.loads.items():
+            mass[self.path.t >= time] = load
         chi[k:] = payload.wrench_along(
             self.vehicle, x=x[k:], a=a[k:], al=al[k:], step=STEP, r=r, r_rate=still
         )
-        return chi
+        return chi * mass / payload.mass
 
     def _turned(self, needed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return thrust (n, 4) at rows and in the mean: held over the interval, or interpolated
@@ -267,17 +276,18 @@ def fly(
     vigour: float | tuple[float, ...] = 1.0,
     accelerations: bool = True,
     onset: Mapping[str, float] | None = None,
+    loads: Mapping[float, float] | None = None,
     attitude_noise: float = 0.0,
     vehicle: Vehicle = VEHICLE,
 ) -> FlightLog:
     """Return the log of a flight under `effects`.
 
-    onset: by identifier [s]. noise: factor on the white noise of the vehicle file [1];
+    onset: by identifier [s]. loads: by time [s], the mass of a payload from then on [kg]. noise: factor on the white noise of the vehicle file [1];
     attitude_noise [rad].
     vigour: of the motion along x, y, z and about z [1]; 0 hovers.
     """
     places = split_effects(effects)
-    flight = Flight(course(seed, seconds, vigour), places, onset or {}, vehicle)
+    flight = Flight(course(seed, seconds, vigour), places, onset or {}, vehicle, loads or {})
     flown = flight.flown()
     al = np.concatenate([np.diff(flown.x[:, W], axis=0) / STEP, np.zeros((1, 3))])
     reading = Measurement(flown.x, flown.a, al, np.zeros((len(al), 4)))
