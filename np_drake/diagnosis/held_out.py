@@ -200,11 +200,9 @@ def _with_onset(
         term = dc.replace(term, hidden=start)
     terms = [*terms[:i], term, *terms[i + 1 :]]
     rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
-    trace = (
-        _span_by_span(terms, i, flight, noise, priors)
-        if term.effect.has_hidden_state
-        else predicted_residual(flight, terms)
-    )
+    trace = predicted_residual(flight, terms)
+    if term.effect.has_hidden_state and (known or not term.loads):
+        trace = _span_by_span(terms, i, flight, noise, priors)
     sizes = [1.0, *(load / term.effect.values["mass"] for load in term.loads)]
     t, profile, following = onset_log_likelihood(
         flight, noise, flight.y - rest, trace - rest, sizes, priors.onset_gain

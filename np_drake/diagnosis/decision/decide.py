@@ -226,9 +226,7 @@ def estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> dict[str,
     return out
 
 
-def load_estimates(
-    fit: Fit, i: int, vehicle: Vehicle, options: Options
-) -> tuple[Estimate, ...]:
+def load_estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> tuple[Estimate, ...]:
     """Return the mass of a payload after each of its changes [kg], as `estimates` does."""
     found, effect = list[Estimate](), fit.terms[i].effect
     for k, load in enumerate(fit.terms[i].loads):

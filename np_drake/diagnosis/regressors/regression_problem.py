@@ -115,11 +115,13 @@ class RegressionProblem:
         """Gram matrix of the candidates with all nuisance in every model."""
         return self.total.given(self._nuisance)
 
-    def extended(self, more: list[Candidate]) -> "RegressionProblem":
-        """Return the problem with more candidates, after the present ones."""
+    def extended(
+        self, more: Sequence[Candidate], noise: NoiseModel | None = None
+    ) -> "RegressionProblem":
+        """Return the problem with more candidates, after the present ones; noise: another one."""
         return RegressionProblem(
             self.flights,
-            self.noise,
+            noise or self.noise,
             self.nuisance,
             [*self.candidates, *more],
             temperature=self.temperature,

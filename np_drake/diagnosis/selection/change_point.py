@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model import NEVER
+from np_drake.diagnosis.forward_model import NEVER, Term
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
     Candidate,
@@ -25,9 +25,14 @@ from np_drake.diagnosis.regressors import (
     times_of_changes,
     wind_candidates,
 )
-from np_drake.diagnosis.numerics import places
+from np_drake.diagnosis.numerics import places, scale_only
 from np_drake.diagnosis.residuals import LEAST_DURATION, FlightResiduals
-from np_drake.diagnosis.selection.payload_search import AT_REST, PayloadSearch, payload_about
+from np_drake.diagnosis.selection.payload_search import (
+    AT_REST,
+    LEAST_MASS_DEVIATIONS,
+    PayloadSearch,
+    payload_about,
+)
 from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
@@ -159,9 +164,9 @@ class OnsetScan:
         to be zero.
         """
         b = len(self._owner)
-        self._covariance, self.mean = np.zeros((b, b)), np.zeros(b)
+        self.covariance, self.mean = np.zeros((b, b)), np.zeros(b)
         own = np.linalg.inv(np.eye(len(on)) + self._products[np.ix_(on, on)])
-        self._covariance[np.ix_(on, on)] = own
+        self.covariance[np.ix_(on, on)] = own
         self.mean[on] = own @ self._products[on, -1]
 
     def given(self, members: Sequence[int]) -> "OnsetScan":
@@ -309,7 +314,7 @@ class OnsetScan:
         """Return (n,) the log evidence with these sums of one flight, each with those of the
         rest.
         """
-        X, at, covariance = own.XB, own.at, self._covariance
+        X, at, covariance = own.XB, own.at, self.covariance
         XX, Xy = own.XX + sum(r.XX for r in rest), own.Xy + sum(r.Xy for r in rest)
         beside = np.zeros((X.shape[1], len(self._owner)))
         for r in rest:
@@ -360,7 +365,9 @@ def switched_candidates(scan: OnsetScan) -> list[Candidate]:
     return list(found.values())
 
 
-PIECES = "pieces"  # variant of a candidate that acts in pieces of flights, each of a size of its own
+PIECES = (
+    "pieces"  # variant of a candidate that acts in pieces of flights, each of a size of its own
+)
 ROUNDS = 4  # in which steps are sought, at most
 
 
@@ -406,8 +413,12 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
 
     The lightest load is none, or the two lightest are, or no one is: where thrust is not known,
     steps of a weight tell no more. One that is hung on and stays is of `late_payloads`.
+
+    Steps that no model has yet are in the slow noise, which would hide them: white noise does not.
     """
     flights, options = problem.flights, problem.options
+    white = scale_only([problem.noise.rms[None]], problem.noise.step)
+    problem = problem.extended([], white)
     plain = [c for c in problem.candidates if not c.onset]
     weights = [c for c in plain if c.identifiers == (PAYLOAD,)]
     weights += [c for c in plain if c.identifiers == WEIGHTS[0]]
@@ -437,7 +448,9 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
         if followed:
             guess, candidate = followed[0]
             onset = search.when(problem.noise, problem.nuisance, guess)
-            found.append(_sharpened(problem, acting, candidate, onset))
+            sharp = _sharpened(problem, acting, guess, onset)
+            if sharp is not None:
+                found.append(dc.replace(sharp, log_prior=candidate.log_prior))
     return found
 
 
@@ -445,25 +458,44 @@ def _first_column(candidate: Candidate) -> Candidate:
     return dc.replace(candidate, columns={n: X[..., :1] for n, X in candidate.columns.items()})
 
 
+def _without(term: Term, k: int) -> Term:
+    """Return a payload without one of its changes."""
+    changes = {name: (*times[:k], *times[k + 1 :]) for name, times in term.changes.items()}
+    return dc.replace(term, loads=(*term.loads[:k], *term.loads[k + 1 :]), changes=changes)
+
+
 def _sharpened(
-    problem: RegressionProblem, others: Sequence[int], payload: Candidate, onset: Onset
-) -> Candidate:
+    problem: RegressionProblem, others: Sequence[int], guess: Term, onset: Onset
+) -> Candidate | None:
     """Return a payload with changes to the row: where its loads, as they are beside `others`, come
-    one after the other.
+    one after the other. Steps that are immaterial are left out; none where a load is.
     """
     flights, priors = problem.flights, problem.options.priors
-    scan = _beside(problem, others, dc.replace(payload, variant=PIECES))
-    (term,) = payload.terms(scan.mean[-payload.size :])
-    term = dc.replace(term, onset=onset)
+    payload = payload_about(flights, dc.replace(guess, onset=onset), priors)
+    pieces = dc.replace(payload.candidate(flights), variant=PIECES)
+    scan, own = _beside(problem, others, pieces), slice(-payload.size, None)
+    sizes = payload.masses @ scan.mean[own]
+    deviations = np.sqrt(np.diag(payload.masses @ scan.covariance[own, own] @ payload.masses.T))
+    least = problem.options.materiality.force / priors.payload_mass
+    if np.any(sizes < np.maximum(least, LEAST_MASS_DEVIATIONS * deviations)):
+        return None
+    term = payload.moved(scan.mean[own])
+    steps = np.abs(np.diff([term.effect.values["mass"], *term.loads]))
+    if not len(steps):
+        return None
+    if steps.min() < problem.options.materiality.force * flights[0].vehicle.mass:
+        return _sharpened(problem, others, _without(term, int(np.argmin(steps))), onset)
     bare = payload_about(flights, dc.replace(term, loads=(), changes={}), priors, shaped=False)
     unit = bare.guess.effect.values["mass"]
-    sizes = [mass / unit for mass in (term.effect.values["mass"], *term.loads)]
-    changes = scan.changes(_first_column(bare.candidate(flights)), sizes)
+    changes = scan.changes(
+        _first_column(bare.candidate(flights)),
+        [mass / unit for mass in (term.effect.values["mass"], *term.loads)],
+    )
     moved = payload_about(flights, dc.replace(term, changes=changes), priors).candidate(flights)
-    instants = [t for times in (*changes.values(), onset.values()) for t in times if t is not None]
-    begun = np.isfinite(instants).sum()
+    instants = [*(t for times in changes.values() for t in times), *onset.values()]
+    begun = sum(t is not None and t != NEVER for t in instants)
     prior = begun * (priors.onset - math.log(max(len(e.t) for e in flights)))
-    return dc.replace(moved, log_prior=payload.log_prior, onset_prior=prior)
+    return dc.replace(moved, onset_prior=prior)
 
 
 def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:

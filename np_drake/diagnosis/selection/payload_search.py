@@ -81,6 +81,17 @@ class PayloadColumns:
         return self.loads.stop
 
     @property
+    def masses(self) -> np.ndarray:
+        """(1 + loads, size) matrix from coefficients to the mass and the loads that are not zero,
+        over the mass of the guess [1].
+        """
+        hung = [load for load in self.guess.loads if load > 0]
+        matrix = np.zeros((1 + len(hung), self.size))
+        matrix[:, 0] = [1.0, *(load / self.guess.effect.values["mass"] for load in hung)]
+        matrix[1:, self.loads] = np.eye(len(hung))
+        return matrix
+
+    @property
     def swings(self) -> dict[str, slice]:
         """Columns of each flight's swing."""
         sizes = (X.shape[-1] - self.first for X in self.own.values())
@@ -132,8 +143,7 @@ class PayloadColumns:
             before = padded(self.guess.hidden.get(name), len(units))
             swing[name] = np.clip(before + move * units, -WIDEST * units, WIDEST * units)
         loads = np.array(self.guess.loads)
-        more = share * loads[loads > 0] + c[self.loads] * known["mass"]
-        loads[loads > 0] = np.maximum(more, LIGHTEST * known["mass"])
+        loads[loads > 0] = known["mass"] * np.maximum(self.masses[1:] @ c, LIGHTEST)
         moved = Term(SuspendedPayload.of(values), self.guess.onset, swing)
         return dc.replace(moved, loads=tuple(loads.tolist()), changes=self.guess.changes)
 
