@@ -28,8 +28,8 @@ from np_drake.diagnosis.calibration import (
 from np_drake.diagnosis.decision.decide import (
     decide,
     estimates,
-    load_estimates,
     joint_posterior,
+    load_estimates,
     without_late_onsets,
 )
 from np_drake.diagnosis.decision.support import visible_changes

@@ -30,7 +30,6 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 
-
 LOADS = "loads"  # name of a free entry of `Term.loads`
 MASS = SuspendedPayload.parameters[0]
 

@@ -223,29 +223,30 @@ def _span_by_span(
     terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> np.ndarray:
     """Return (m, 15) the predicted residual with a payload that swings in every span as that span
-    shows it by itself.
+    shows it by itself, whichever of its loads hangs there.
 
     A swing that is followed from the start of the flight is wrong wherever the payload was hung on
     later; where it explains a span better, it is right.
     """
     followed = predicted_residual(flight, terms)
-    trace = followed.copy()
+    rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
+    trace, mass = followed.copy(), terms[i].effect.values["mass"]
     for start in np.arange(flight.t[0], flight.t[-1], HIDDEN_SPAN):
         rows = (flight.t >= start) & (flight.t < start + HIDDEN_SPAN)
         inside = rows[noise.phi.shape[1] :]
         if np.sum(inside) <= MOST_JUMPS * STATE:
             continue
-        onset = None if start == flight.t[0] else float(start)
-        now = list(terms)
-        now[i] = dc.replace(terms[i], onset={flight.name: onset}, hidden={})
-        fit = SwingFit(now, i, flight, noise, onset, rows, priors)
-        now[i] = fit.term(fit.descend(fit.known))
-        alone = predicted_residual(flight, now)
-        loss, before = (
-            np.sum(flight.white(noise, flight.y - way)[inside] ** 2) for way in (alone, followed)
-        )
-        if loss < before:
-            trace[rows] = alone[rows]
+        onset, now = None if start == flight.t[0] else float(start), list(terms)
+        least = np.sum(flight.white(noise, flight.y - followed)[inside] ** 2)
+        for load in filter(None, (mass, *terms[i].loads)):
+            heavy = dc.replace(terms[i].effect, mass=load)  # type: ignore[type-var]
+            now[i] = dc.replace(terms[i], effect=heavy, onset={flight.name: onset}, hidden={})
+            fit = SwingFit(now, i, flight, noise, onset, rows, priors)
+            now[i] = fit.term(fit.descend(fit.known))
+            alone = predicted_residual(flight, now)
+            loss = np.sum(flight.white(noise, flight.y - alone)[inside] ** 2)
+            if loss < least:
+                least, trace[rows] = loss, (rest + (alone - rest) * mass / load)[rows]
     return trace
 
 

@@ -147,9 +147,17 @@ class Cause:
     changes: dict[str, tuple[float, ...]] = dc.field(default_factory=dict)
 
     def steps(self, flight: str) -> list[tuple[float, Estimate]]:
-        """Return the changes of a payload's mass in a flight: time [s] and the mass from then on."""
+        """Return the changes of a payload in a flight: time [s], mass from then on [kg]."""
         both = zip(self.changes.get(flight, ()), self.loads, strict=False)
         return [(t, load) for t, load in both if t != np.inf]
+
+    @property
+    def later(self) -> list[Effect]:
+        """The payload after each of its changes, in the form of `effect`."""
+        if self.effect is None or not self.loads:
+            return []
+        share = self.effect.values["mass"] / self.parameters["mass"].value
+        return [dc.replace(self.effect, mass=share * load.value) for load in self.loads]  # type: ignore[type-var]
 
     def steps_as_json(self) -> dict[str, list[dict[str, Any]]]:
         """Return them by flight: time [s], mass from then on and its 95 % interval [kg]."""

@@ -384,7 +384,7 @@ def times_of_changes(t: np.ndarray, following: np.ndarray, first: int) -> tuple[
         following: (k, n) rows by `ordered_changes`.
     """
     rows = list[int]()
-    for places in following:
-        rows.append(int(places[rows[-1] if rows else first]))
+    for after in following:
+        rows.append(int(after[rows[-1] if rows else first]))
     pairs = pairwise([*rows, len(t) - 1])
     return tuple(NEVER if row >= end else float(t[row]) for row, end in pairs)

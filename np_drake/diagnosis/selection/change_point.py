@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER, Term
+from np_drake.diagnosis.numerics import places, scale_only
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
     Candidate,
@@ -25,7 +26,6 @@ from np_drake.diagnosis.regressors import (
     times_of_changes,
     wind_candidates,
 )
-from np_drake.diagnosis.numerics import places, scale_only
 from np_drake.diagnosis.residuals import LEAST_DURATION, FlightResiduals
 from np_drake.diagnosis.selection.payload_search import (
     AT_REST,

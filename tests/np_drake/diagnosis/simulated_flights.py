@@ -49,10 +49,10 @@ class Course:
     yaw: np.ndarray
 
 
-def course(seed: int, seconds: float, vigour: float | tuple[float, ...]) -> Course:
-    """Return a few sinusoids on each axis about a point 1.2 m above the ground, starting from
-    rest.
-    """
+def course(
+    seed: int, seconds: float, vigour: float | tuple[float, ...], height: float = 1.2
+) -> Course:
+    """Return a few sinusoids on each axis about a point above the ground, starting from rest."""
     rng = np.random.default_rng(seed)
     t = STEP * np.arange(round(seconds / STEP) + 1)
     parts = np.zeros((3, len(t), 4))
@@ -70,7 +70,7 @@ def course(seed: int, seconds: float, vigour: float | tuple[float, ...]) -> Cour
     wave, slope, curve = parts
     p, v = grown * wave, grown * slope + rate * wave
     a = grown * curve + 2 * rate * slope + bend * wave
-    return Course(t, p[:, :3] + [0, 0, 1.2], v[:, :3], a[:, :3], p[:, 3])
+    return Course(t, p[:, :3] + [0, 0, height], v[:, :3], a[:, :3], p[:, 3])
 
 
 @dc.dataclass
@@ -278,16 +278,20 @@ def fly(
     onset: Mapping[str, float] | None = None,
     loads: Mapping[float, float] | None = None,
     attitude_noise: float = 0.0,
+    height: float = 1.2,
     vehicle: Vehicle = VEHICLE,
 ) -> FlightLog:
     """Return the log of a flight under `effects`.
 
-    onset: by identifier [s]. loads: by time [s], the mass of a payload from then on [kg]. noise: factor on the white noise of the vehicle file [1];
-    attitude_noise [rad].
+    onset: by identifier [s]. loads: by time [s], the mass of a payload from then on [kg].
+    noise: factor on the white noise of the vehicle file [1];
+    attitude_noise [rad]. height: of the start [m].
     vigour: of the motion along x, y, z and about z [1]; 0 hovers.
     """
     places = split_effects(effects)
-    flight = Flight(course(seed, seconds, vigour), places, onset or {}, vehicle, loads or {})
+    flight = Flight(
+        course(seed, seconds, vigour, height), places, onset or {}, vehicle, loads or {}
+    )
     flown = flight.flown()
     al = np.concatenate([np.diff(flown.x[:, W], axis=0) / STEP, np.zeros((1, 3))])
     reading = Measurement(flown.x, flown.a, al, np.zeros((len(al), 4)))
