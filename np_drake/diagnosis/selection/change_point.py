@@ -443,7 +443,7 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
         onset = {**onset, **{e.name: NEVER for e in flights if e.earlier}}
         later = {n: times[late:] for n, times in changes.items()}
         ratios = [load / base for load in rest]
-        search = PayloadSearch(flights, options, onset, None, ratios, later)
+        search = PayloadSearch(flights, options, onset, loads=ratios, changes=later)
         followed = search.followed(problem.noise, problem.nuisance, others)
         if followed:
             guess, candidate = followed[0]
