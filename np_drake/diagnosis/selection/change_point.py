@@ -365,10 +365,9 @@ def switched_candidates(scan: OnsetScan) -> list[Candidate]:
     return list(found.values())
 
 
-PIECES = (
-    "pieces"  # variant of a candidate that acts in pieces of flights, each of a size of its own
-)
+PIECES = "pieces"  # variant of a candidate that acts in pieces of flights, each of its size
 ROUNDS = 4  # in which steps are sought, at most
+MOST_CHANGES = 4  # of a load in a flight: more of them are wind; source: own choice
 
 
 def in_pieces(
@@ -384,10 +383,10 @@ def in_pieces(
 
 
 def _in_steps(
-    problem: RegressionProblem, weight: Candidate, others: Sequence[int]
+    problem: RegressionProblem, weight: Candidate, others: Sequence[int], least: float
 ) -> tuple[list[float], dict[str, tuple[float, ...]]]:
-    """Return the sizes of a weight (one column) in turn, alike in all flights, and by flight the
-    times at which it changes to the next [s].
+    """Return the sizes of a weight (one column) in turn, alike in all flights and `least` apart,
+    and by flight the times at which it changes to the next [s].
 
     Beside all `others` that may act. Steps that are too many do no harm at first: in their pieces
     they leave what else acts to its own columns, beside which they are sought anew.
@@ -400,6 +399,12 @@ def _in_steps(
         scan = _beside(problem, others, in_pieces(weight, problem.flights, found))
     most = max(len(f.times) for f in found.values())
     sizes = np.mean([f.sizes for f in found.values() if len(f.times) == most], axis=0).tolist()
+    while len(sizes) > 1:
+        steps = np.abs(np.diff(sizes))
+        k = int(np.argmin(steps))
+        if steps[k] >= least:
+            break
+        sizes[k : k + 2] = [0.5 * (sizes[k] + sizes[k + 1])]
     return sizes, scan.changes(weight, sizes)
 
 
@@ -429,7 +434,12 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
         for i, c in enumerate(problem.candidates)
         if c.size <= MOST_COLUMNS and not c.onset and PAYLOAD not in c.identifiers
     ]
-    sizes, changes = _in_steps(problem, _first_column(weights[0]), acting)
+    (unit,) = weights[0].terms(np.eye(weights[0].size)[0])
+    least = options.materiality.force * flights[0].vehicle.mass
+    least /= next(iter(unit.effect.values.values()))  # [kg]
+    sizes, changes = _in_steps(problem, _first_column(weights[0]), acting, least)
+    if len(sizes) > 1 + MOST_CHANGES:
+        return []
     others = [c for c in plain if c.size <= 3 and PAYLOAD not in c.identifiers]
     found, order = list[Candidate](), np.argsort(sizes)
     for none in (order[:1], order[:2], order[:0]):
