@@ -228,9 +228,9 @@ def estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> dict[str,
 
 def load_estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> tuple[Estimate, ...]:
     """Return the mass of a payload after each of its changes [kg], as `estimates` does."""
-    found, effect = list[Estimate](), fit.terms[i].effect
+    found = list[Estimate]()
     for k, load in enumerate(fit.terms[i].loads):
-        heavy = dc.replace(effect, mass=load)  # type: ignore[type-var]
+        heavy = SuspendedPayload(**{**fit.terms[i].effect.values, "mass": load})
         half = half_width(fit, i, LOADS, k)
         value, half = _of_pendulum(fit, i, "mass", half, heavy, vehicle, options)
         found.append(Estimate(value, "kg", (value - half, value + half)))

@@ -449,8 +449,8 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
         base, *rest = loads[late:].tolist() or [0.0]
         if not base or not rest:
             continue
-        onset = {n: min(times) for n, times in changes.items()} if late else {}
-        onset = {**onset, **{e.name: NEVER for e in flights if e.earlier}}
+        onset: Onset = {n: min(times) for n, times in changes.items()} if late else {}
+        onset |= {e.name: NEVER for e in flights if e.earlier}
         later = {n: times[late:] for n, times in changes.items()}
         ratios = [load / base for load in rest]
         search = PayloadSearch(flights, options, onset, loads=ratios, changes=later)

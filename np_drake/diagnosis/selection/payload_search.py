@@ -450,8 +450,7 @@ class PayloadSearch:
     ) -> list[tuple[Term, Candidate]]:
         """Return payloads followed from guesses whose swing is not known."""
         beside = OtherRegressors(self._flights, noise, nuisance, [], self._onset)
-        anew = {"onset": self._onset or {}, "hidden": {}, "changes": self._changes}
-        begun = [dc.replace(g, **anew) for g in guesses]
+        begun = [dc.replace(g, onset=self._onset or {}, hidden={}) for g in guesses]
         return self._distinct(beside, [self._follow(beside, g, HORIZONS[0]) for g in begun])
 
     def _payload(self, length: float) -> Term:
