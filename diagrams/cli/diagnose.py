@@ -188,9 +188,9 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
         every.append((f"{which}what the model lacks", header[: words.SHOWN], shown))
         said = []
         for cause in words.named_causes(one):
-            onsets = {words.plain_name(n): t for n, t in cause.onset.items() if t is not None}
-            begins = ", ".join(words.onset(t, name) for name, t in onsets.items())
-            said += [f"{cause.identifier} begins in {begins}"] if begins else []
+            begins, verb = words.begins(cause), "changes" if cause.loads else "begins"
+            joined = ("; " if cause.loads else ", ").join(begins)
+            said += [f"{cause.identifier} {verb} in {joined}"] if begins else []
             others = words.listed(cause.indistinguishable_from, "or")
             alike = f"{cause.identifier}, or else {others}: these logs cannot tell"
             said += [alike] if others else []

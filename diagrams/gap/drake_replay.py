@@ -16,7 +16,7 @@ from diagrams.batch.run import require
 from np_drake import attitude
 from np_drake.diagnosis.gap import LEAD, States, payload_track, replay_gap, state_error, true_states
 from np_drake.diagnosis.result import HORIZONS, ReplayGap
-from np_drake.effects import CommandDelay, GustyWind
+from np_drake.effects import CommandDelay, GustyWind, SuspendedPayload
 from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.combine import mass_properties, split_effects
@@ -64,8 +64,10 @@ class _Flight:
     effects: Sequence[tuple[Effect, float]]
 
     def acting(self, time: float) -> tuple[Effect, ...]:
-        """Return the effects that have begun at `time` [s]."""
-        return tuple(effect for effect, onset in self.effects if onset <= time)
+        """Return the effects that have begun at `time` [s], of payloads the last."""
+        begun = [effect for effect, onset in self.effects if onset <= time]
+        *earlier, _ = [None, *(k for k, e in enumerate(begun) if isinstance(e, SuspendedPayload))]
+        return tuple(effect for k, effect in enumerate(begun) if k not in earlier)
 
     def swing(self, time: float) -> "Swing | None":
         """Return the swing of the payload at `time` [s]."""
@@ -78,7 +80,7 @@ class _Flight:
         """Return state and payload (16,) of a row from which a replay starts."""
         x, t = self.states.x[row], float(self.states.t[row])
         payload, swing = split_effects(self.acting(t)).payload, self.swing(t)
-        if payload is None or swing is None:
+        if payload is None or payload.mass == 0 or swing is None:
             return np.append(x, np.full(3, np.nan))
         hook = attitude.rotate(x[Q], np.array(payload.payload.hook))
         return np.append(x, x[P] + hook + swing.r)
@@ -173,7 +175,9 @@ class DrakeReplay:
             elif not effect.lacking():  # as in a flight without neighbours
                 bodily.append((effect, -np.inf if onset is None else onset))
         states = true_states(log, vehicle, sensors)
-        parts = split_effects([effect for effect, _ in bodily])
+        first = next((e for e, _ in bodily if isinstance(e, SuspendedPayload)), None)
+        others = (e for e, _ in bodily if not isinstance(e, SuspendedPayload))
+        parts = split_effects([*others, *([] if first is None else [first])])
         if vehicle.logged_point == "center_of_mass":
             states = states.about(mass_properties(vehicle, parts.mass).p_BoBcm_B)
         track, u = None, log.u

@@ -92,6 +92,11 @@ def side_by_side(
             for cause in diagnosis.causes
             if cause.effect is not None
         ]
+        effects += [
+            (effect, {log.name: time})
+            for cause in diagnosis.causes
+            for effect, time in zip(cause.later, cause.changes.get(log.name, ()), strict=False)
+        ]
         rows = _shown(log, effects, joined=log.name in diagnosis.joined)
         if len(rows) >= SHORTEST * FRAME_RATE:
             break

@@ -29,6 +29,7 @@ from np_drake.diagnosis.decision.decide import (
     decide,
     estimates,
     joint_posterior,
+    load_estimates,
     without_late_onsets,
     without_missing_drag,
 )
@@ -168,6 +169,7 @@ def as_named(found: Inference) -> Inference:
             c,
             parameters=estimates(fit, terms[c.identifier], vehicle, options),
             effect=fit.terms[terms[c.identifier]].effect,
+            loads=load_estimates(fit, terms[c.identifier], vehicle, options),
         )
         for c in found.causes
     ]

@@ -26,14 +26,18 @@ from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, W
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.swing_fit import fitted_to_whole_flight
 from np_drake.effects.base import Effect, SensorEffect, correlation_root, usual_size
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
+
+LOADS = "loads"  # name of a free entry of `Term.loads`
+MASS = SuspendedPayload.parameters[0]
 
 
 @dc.dataclass(frozen=True)
 class Free:
-    """Free parameter of term `term`: a parameter by name, or an entry of the hidden state of a
-    flight.
+    """Free parameter of term `term`: a parameter by name, an entry of its `loads`, or one of the
+    hidden state of a flight.
     """
 
     term: int
@@ -76,6 +80,12 @@ def free_parameters(
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
         if not term.effect.has_hidden_state:
             continue
+        scale, upper = width * usual_size(MASS, vehicle), MASS.upper
+        found += [
+            Free(i, LOADS, scale, 0.0, 0.0, upper, entry=k)
+            for k, load in enumerate(term.loads)
+            if load > 0.0
+        ]
         for e in flights:
             if term.begins(e.name) != NEVER:
                 scales = priors.swing * np.array([1, 1, 3, 3])  # of angles, and of rates
@@ -119,6 +129,8 @@ def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
     def value(f: Free) -> float:
         if f.flight:
             return padded(terms[f.term].hidden.get(f.flight), f.entry + 1)[f.entry]
+        if f.name == LOADS:
+            return terms[f.term].loads[f.entry]
         return getattr(terms[f.term].effect, f.name)
 
     return np.array([value(f) for f in free])
@@ -138,6 +150,9 @@ def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> li
             swing = padded(before, max(f.entry + 1, len(before)))
             swing[f.entry] = value
             written[f.term] = dc.replace(term, hidden={**term.hidden, f.flight: swing})
+        elif f.name == LOADS:
+            loads = (*term.loads[: f.entry], value, *term.loads[f.entry + 1 :])
+            written[f.term] = dc.replace(term, loads=loads)
         else:
             moved = dc.replace(term.effect, **{f.name: value})  # type: ignore[type-var]
             written[f.term] = dc.replace(term, effect=moved)
@@ -203,8 +218,8 @@ class Fit:
         """Return the part of the log prior of all onsets that is that of term i; 0 if it acts from
         the start.
         """
-        begin = [t for t in self.terms if t.onset]
-        return self.onset_prior / len(begin) if self.terms[i].onset else 0.0
+        late = [bool(t.onset or t.changes) for t in self.terms]
+        return self.onset_prior / sum(late) if late[i] else 0.0
 
     @property
     def everything(self) -> list[Term]:
@@ -382,10 +397,15 @@ STEPS = 3  # points of an interval that are tried; own choice
 
 def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
     """Return the 95 % interval of a parameter of term i, from the covariance of the fit."""
-    value = float(getattr(fit.terms[i].effect, name))
-    own = (k for k, f in enumerate(fit.free) if (f.term, f.name, f.flight) == (i, name, ""))
-    half = sum(SURE * float(np.sqrt(fit.covariance[k, k])) for k in own)
+    value, half = float(getattr(fit.terms[i].effect, name)), half_width(fit, i, name)
     return value - half, value + half
+
+
+def half_width(fit: Fit, i: int, name: str, entry: int = 0) -> float:
+    """Return half the 95 % interval of a parameter of term i, or of an entry of its `LOADS`."""
+    wanted = (i, name, "", entry)
+    own = (k for k, f in enumerate(fit.free) if (f.term, f.name, f.flight, f.entry) == wanted)
+    return sum(SURE * float(np.sqrt(fit.covariance[k, k])) for k in own)
 
 
 def greatest_height(flights: Sequence[FlightResiduals]) -> float:
@@ -443,8 +463,8 @@ def refit(
     """
     noise = noise or problem.noise
     terms = _terms_at_posterior(problem, model)
-    starts, kind = [terms], [(type(t.effect), t.onset) for t in terms]
-    if known is not None and [(type(t.effect), t.onset) for t in known.terms] == kind:
+    starts, kind = [terms], [(type(t.effect), t.onset, t.changes) for t in terms]
+    if known is not None and [(type(t.effect), t.onset, t.changes) for t in known.terms] == kind:
         starts = (
             [list(known.terms), terms]
             if any(t.effect.has_hidden_state for t in terms)

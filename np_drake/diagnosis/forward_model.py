@@ -60,11 +60,15 @@ class Term:
     absent.
     hidden: by flight, the hidden state (size,), a payload's initial swing and its jumps at
         outliers. It may hold several samples (k, size), whose mean prediction counts.
+    loads: a payload's mass after each change of it [kg]; 0: it is gone.
+    changes: by flight, the times of these changes [s]; `NEVER`: not there. None: no change.
     """
 
     effect: Effect
     onset: dict[str, float | None] = dc.field(default_factory=dict)
     hidden: dict[str, np.ndarray] = dc.field(default_factory=dict)
+    loads: tuple[float, ...] = ()
+    changes: dict[str, tuple[float, ...]] = dc.field(default_factory=dict)
 
     def begins(self, flight: str) -> float | None:
         """Return the onset in this flight [s]."""
@@ -234,11 +238,29 @@ def specific_pull(
     return begun * (held @ flight.R_WB)
 
 
+def _carried(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
+    """Return the masses (n, m, 3) of payloads on the grid, smeared as forces are [kg].
+
+    Args:
+        terms: payloads, whose masses change when that of the first does.
+    """
+    masses = np.array([t.effect.payload.mass for t in terms])[:, None]  # type: ignore[attr-defined]
+    changes = terms[0].changes.get(flight.name, ())
+    if not changes:
+        return masses
+    begun = np.array([flight.begun(t)[:, FORCE] for t in (None, *changes)])
+    # A load hangs until the next one does; one that never does hangs at no time.
+    following = np.maximum.accumulate(begun[:0:-1])[::-1]
+    begun[:-1] -= following
+    loads = np.hstack([masses, [t.loads for t in terms]])
+    return np.einsum("mk,kni->nmi", loads, np.maximum(begun, 0.0))
+
+
 def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
     """Return the wrenches (n, m, 6) of payloads in B on the grid [N, N·m].
 
     Args:
-        terms: payloads, which begin at the onset of the first.
+        terms: payloads, which begin at the onset of the first and change their masses with it.
     """
     onset = terms[0].begins(flight.name)
     if onset == NEVER:
@@ -251,7 +273,7 @@ def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray
         np.array([getattr(p, name) for p in payloads]) for name in ("length", "damping")
     )
     pull = specific_pull(flight, lengths, swing, hooks, onset, damping)
-    force = np.array([p.mass for p in payloads])[:, None] * pull
+    force = _carried(flight, terms) * pull
     return np.concatenate([force, np.cross(hooks, force)], axis=2)
 
 

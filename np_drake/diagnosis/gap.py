@@ -428,6 +428,9 @@ def measure_gap_reduction(
                 begin = next((t.begins(e.name) for t in kept), None)
                 onset[e.name] = None if begin is None else begin - float(e.log.t[0])
             effects.append((c.effect.predicted, onset))
+            for k, effect in enumerate(c.later):  # each takes the place of the one before
+                onset = {e.name: c.changes[e.name][k] - float(e.log.t[0]) for e in flights}
+                effects.append((effect, onset))
         logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
         effects += [(effect, {e.name: None for e in flights}) for effect in calibration]
         replays = replay(logs, []), None

@@ -20,7 +20,7 @@ from np_drake.diagnosis.forward_model import (
 )
 from np_drake.diagnosis.numerics import NoiseModel, with_loudness
 from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.regressors import onset_log_likelihood
+from np_drake.diagnosis.regressors import onset_log_likelihood, times_of_changes
 from np_drake.diagnosis.residuals import (
     LONGEST_BOUNCE,
     LONGEST_OUTLIER,
@@ -63,7 +63,7 @@ def adapt(
         for i, t in enumerate(terms)
         if drag.effect.identifier in type(t.effect).needs and drag.onset == t.onset
     }
-    terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
+    terms = [dc.replace(t, onset={}, hidden={}, changes={}) for t in terms]
     terms = [_anchored(terms, i, flight, noise, priors) for i in range(len(terms))]
     for i in sorted(range(len(terms)), key=lambda i: (not known[i], i in drag_of)):
         effect = terms[i].effect
@@ -195,50 +195,58 @@ def _with_onset(
     here, and is not excused where it is not there at all.
     """
     term = terms[i]
+    if term.loads:  # jumps were fitted to the first load alone
+        start = {name: swing[:STATE] for name, swing in term.hidden.items()}
+        term = dc.replace(term, hidden=start)
+    terms = [*terms[:i], term, *terms[i + 1 :]]
     rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
-    trace = (
-        _span_by_span(terms, i, flight, noise, priors)
-        if term.effect.has_hidden_state
-        else predicted_residual(flight, terms)
+    trace = predicted_residual(flight, terms)
+    if term.effect.has_hidden_state and (known or not term.loads):
+        trace = _span_by_span(terms, i, flight, noise, priors)
+    sizes = [1.0, *(load / term.effect.values["mass"] for load in term.loads)]
+    t, profile, following = onset_log_likelihood(
+        flight, noise, flight.y - rest, trace - rest, sizes, priors.onset_gain
     )
-    t, profile = onset_log_likelihood(flight, noise, flight.y - rest, trace - rest)
     k = int(np.argmax(profile))
-    if k == 0 or profile[k] - profile[0] < (priors.onset_gain if known else priors.new_onset_gain):
+    late = profile[k] - profile[0] >= (priors.onset_gain if known else priors.new_onset_gain)
+    if not late or (k == len(t) - 1 and not known):
+        k = 0
+    if k == 0 and not term.loads:
         return term
-    onset = NEVER if k == len(t) - 1 else float(t[k])
-    if onset == NEVER and not known:
-        return term
-    late = dc.replace(term, onset={flight.name: onset}, hidden={})
-    return _anchored([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, priors, onset)
+    onset = None if k == 0 else NEVER if k == len(t) - 1 else float(t[k])
+    changes = {flight.name: times_of_changes(t, following, k)}
+    begun = dc.replace(term, onset={flight.name: onset}, hidden={}, changes=changes)
+    return _anchored([*terms[:i], begun, *terms[i + 1 :]], i, flight, noise, priors, onset)
 
 
 def _span_by_span(
     terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> np.ndarray:
     """Return (m, 15) the predicted residual with a payload that swings in every span as that span
-    shows it by itself.
+    shows it by itself, whichever of its loads hangs there.
 
     A swing that is followed from the start of the flight is wrong wherever the payload was hung on
     later; where it explains a span better, it is right.
     """
     followed = predicted_residual(flight, terms)
-    trace = followed.copy()
+    rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
+    trace, mass = followed.copy(), terms[i].effect.values["mass"]
     for start in np.arange(flight.t[0], flight.t[-1], HIDDEN_SPAN):
         rows = (flight.t >= start) & (flight.t < start + HIDDEN_SPAN)
         inside = rows[noise.phi.shape[1] :]
         if np.sum(inside) <= MOST_JUMPS * STATE:
             continue
-        onset = None if start == flight.t[0] else float(start)
-        now = list(terms)
-        now[i] = dc.replace(terms[i], onset={flight.name: onset}, hidden={})
-        fit = SwingFit(now, i, flight, noise, onset, rows, priors)
-        now[i] = fit.term(fit.descend(fit.known))
-        alone = predicted_residual(flight, now)
-        loss, before = (
-            np.sum(flight.white(noise, flight.y - way)[inside] ** 2) for way in (alone, followed)
-        )
-        if loss < before:
-            trace[rows] = alone[rows]
+        onset, now = None if start == flight.t[0] else float(start), list(terms)
+        least = np.sum(flight.white(noise, flight.y - followed)[inside] ** 2)
+        for load in filter(None, (mass, *terms[i].loads)):
+            heavy = dc.replace(terms[i].effect, mass=load)  # type: ignore[type-var]
+            now[i] = dc.replace(terms[i], effect=heavy, onset={flight.name: onset}, hidden={})
+            fit = SwingFit(now, i, flight, noise, onset, rows, priors)
+            now[i] = fit.term(fit.descend(fit.known))
+            alone = predicted_residual(flight, now)
+            loss = np.sum(flight.white(noise, flight.y - alone)[inside] ** 2)
+            if loss < least:
+                least, trace[rows] = loss, (rest + (alone - rest) * mass / load)[rows]
     return trace
 
 

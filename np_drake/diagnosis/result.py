@@ -132,6 +132,8 @@ class Cause:
     held_out_gain: share of the held-out gap above the noise that comes back without it [1];
         negative: flights contradict it.
     rotor: what its rotor is called; None: it has none.
+    loads: a payload's mass after each of its changes [kg]; 0: it is gone.
+    changes: by flight, the times of these [s]; infinite: not there.
     """
 
     identifier: str
@@ -144,6 +146,28 @@ class Cause:
     held_out_gain: float = float("nan")
     changed: bool = False
     rotor: RotorName | None = None
+    loads: tuple[Estimate, ...] = ()
+    changes: dict[str, tuple[float, ...]] = dc.field(default_factory=dict)
+
+    def steps(self, flight: str) -> list[tuple[float, Estimate]]:
+        """Return the changes of a payload in a flight: time [s], mass from then on [kg]."""
+        both = zip(self.changes.get(flight, ()), self.loads, strict=False)
+        return [(t, load) for t, load in both if t != np.inf]
+
+    @property
+    def later(self) -> list[Effect]:
+        """The payload after each of its changes, in the form of `effect`."""
+        if self.effect is None or not self.loads:
+            return []
+        share = self.effect.values["mass"] / self.parameters["mass"].value
+        return [dc.replace(self.effect, mass=share * load.value) for load in self.loads]  # type: ignore[type-var]
+
+    def steps_as_json(self) -> dict[str, list[dict[str, Any]]]:
+        """Return them by flight: time [s], mass from then on and its 95 % interval [kg]."""
+        return {
+            name: [{"time": t, "mass": m.value, "ci95": m.ci95} for t, m in self.steps(name)]
+            for name in self.onset
+        }
 
 
 @dc.dataclass(frozen=True)
@@ -403,6 +427,7 @@ class Diagnosis:
                         "parameters": {name: dc.asdict(e) for name, e in c.parameters.items()},
                         "onset": c.onset,
                         "absent_from": [e for e, time in c.onset.items() if time == np.inf],
+                        **({"steps": c.steps_as_json()} if c.loads else {}),
                         "indistinguishable_from": c.indistinguishable_from,
                     }
                     for c in self.causes

@@ -14,7 +14,15 @@ import scipy
 from np_drake import attitude
 from np_drake.diagnosis.calibration import healthy_spread
 from np_drake.diagnosis.decision.support import Support, support_of
-from np_drake.diagnosis.fitting import Fit, greatest_height, impossible, interval, scaled_jacobian
+from np_drake.diagnosis.fitting import (
+    LOADS,
+    Fit,
+    greatest_height,
+    half_width,
+    impossible,
+    interval,
+    scaled_jacobian,
+)
 from np_drake.diagnosis.forward_model import Term, pendulum_error, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import SPREAD, SURE, Options, Size, unhealthy
@@ -151,11 +159,11 @@ def decide(
         name, effect = term.effect.identifier, term.effect
         others = same.get(name, ())
         found = judge(ranking, margins, held, i, same=others, support=support, gusts=gusts)
-        parameters = estimates(fit, i, problem.flights[0].vehicle, options)
+        vehicle = problem.flights[0].vehicle
+        parameters = estimates(fit, i, vehicle, options)
         if found.probability >= options.thresholds.cause_probability:
-            onset = {
-                e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in every
-            }
+            there = {e.name: held.terms.get(e.name, fit.everything)[i] for e in every}
+            onset = {flight: now.begins(flight) for flight, now in there.items()}
             causes.append(
                 Cause(
                     name,
@@ -167,6 +175,8 @@ def decide(
                     effect,
                     changed=has_changed(ranking, i),
                     rotor=_rotor_of(effect, rotors),
+                    loads=load_estimates(fit, i, vehicle, options),
+                    changes={flight: now.changes.get(flight, ()) for flight, now in there.items()},
                 )
             )
         else:
@@ -238,12 +248,39 @@ def estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> dict[str,
         value, (lower, upper) = float(getattr(effect, p.name)), interval(fit, i, p.name)
         half = 0.5 * (upper - lower)
         if isinstance(effect, SuspendedPayload):
-            low, high = interval(fit, i, "damping")
-            unsure = 0.5 * (high - low) / SURE if options.tolerance.unmeasured else None
-            factor, error = pendulum_error(p.name, effect, vehicle, options.priors, unsure)
-            value, half = factor * value, factor * float(np.hypot(half, SURE * error))
+            value, half = _of_pendulum(fit, i, p.name, half, effect, vehicle, options)
         out[p.name] = Estimate(value, p.unit, (value - half, value + half))
     return out
+
+
+def load_estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> tuple[Estimate, ...]:
+    """Return the mass of a payload after each of its changes [kg], as `estimates` does."""
+    found = list[Estimate]()
+    for k, load in enumerate(fit.terms[i].loads):
+        heavy = SuspendedPayload(**{**fit.terms[i].effect.values, "mass": load})
+        half = half_width(fit, i, LOADS, k)
+        value, half = _of_pendulum(fit, i, "mass", half, heavy, vehicle, options)
+        found.append(Estimate(value, "kg", (value - half, value + half)))
+    return tuple(found)
+
+
+def _of_pendulum(
+    fit: Fit,
+    i: int,
+    name: str,
+    half: float,
+    payload: SuspendedPayload,
+    vehicle: Vehicle,
+    options: Options,
+) -> tuple[float, float]:
+    """Return a parameter of a payload and half its 95 % interval, which is no ideal pendulum.
+
+    half: half the interval of the fit.
+    """
+    low, high = interval(fit, i, "damping")
+    unsure = 0.5 * (high - low) / SURE if options.tolerance.unmeasured else None
+    factor, error = pendulum_error(name, payload, vehicle, options.priors, unsure)
+    return factor * getattr(payload, name), factor * float(np.hypot(half, SURE * error))
 
 
 def without_late_onsets(
@@ -404,7 +441,7 @@ class SizePosterior:
 
         It is the RMS of what the term's parameters predict, linear in their distance from none.
         """
-        own = self._places([p.name for p in self._term.effect.parameters if p.vanishes])
+        own = self._places([LOADS, *(p.name for p in self._term.effect.parameters if p.vanishes)])
         if not own:
             return np.ones(len(self.draws))
         free = [self._free[k] for k in own]

@@ -25,5 +25,7 @@ from np_drake.diagnosis.regressors.regression_problem import (
     SwitchedRegressors,
     WhiteNuisance,
     onset_log_likelihood,
+    ordered_changes,
     prior_of,
+    times_of_changes,
 )

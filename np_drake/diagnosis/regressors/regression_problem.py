@@ -3,12 +3,14 @@
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
 from functools import cached_property, reduce
+from itertools import pairwise
 from operator import add
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.numerics import Gram, NoiseModel, places
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors.library import LINEAR, Candidate
@@ -113,11 +115,13 @@ class RegressionProblem:
         """Gram matrix of the candidates with all nuisance in every model."""
         return self.total.given(self._nuisance)
 
-    def extended(self, more: list[Candidate]) -> "RegressionProblem":
-        """Return the problem with more candidates, after the present ones."""
+    def extended(
+        self, more: Sequence[Candidate], noise: NoiseModel | None = None
+    ) -> "RegressionProblem":
+        """Return the problem with more candidates, after the present ones; noise: another one."""
         return RegressionProblem(
             self.flights,
-            self.noise,
+            noise or self.noise,
             self.nuisance,
             [*self.candidates, *more],
             temperature=self.temperature,
@@ -315,14 +319,21 @@ class SwitchedRegressors:
 
 
 def onset_log_likelihood(
-    flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, own: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n,) times of the grid, the last one "not at all", and log likelihoods if `own` begins
-    there.
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    target: np.ndarray,
+    own: np.ndarray,
+    sizes: Sequence[float] = (1.0,),
+    cost: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (n,) times of the grid, the last one "not at all", log likelihoods if `own` begins
+    there, and the rows at which it then changes (`ordered_changes`).
 
     Args:
         target: (m, 15) residual without the effect.
         own: (m, 15) what the effect leaves.
+        sizes: of `own` from its begin on, and after each change [1].
+        cost: log likelihood that a change must bring.
     """
     columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
     t, X = columns.t, own[..., None]
@@ -331,10 +342,49 @@ def onset_log_likelihood(
     begun = columns.begun(X, whole, rows)
     XX, Xy = (
         np.concatenate([a[:1], b, 0 * a[:1]])
-        for a, b in ((whole.XX, begun.XX), (whole.Xy, begun.Xy))
+        for a, b in ((whole.XX[..., 0], begun.XX[..., 0]), (whole.Xy, begun.Xy))
     )
-    after = (Xy - 0.5 * XX[..., 0])[:, 0]
     times = np.append(t, t[-1] + flight.grid.step)
-    usable = (times < t[0] + 0.3) & (times > t[0])
-    after[usable] = -np.inf
-    return times, after
+    barred = (times < t[0] + 0.3) & (times > t[0])
+    return times, *ordered_changes(XX[:, 0], Xy[:, 0], sizes, cost, barred)
+
+
+def ordered_changes(
+    XX: np.ndarray, Xy: np.ndarray, sizes: Sequence[float], cost: float, barred: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (n,) log likelihoods if a column begins at a row and changes as is best from then on,
+    and (k, n) the rows of those changes: of each, if the one before it is at a row.
+
+    Args:
+        XX: (n,) X'X over all whitened rows from each row on; the last row is none.
+        Xy: (n,) X'y over the same.
+        sizes: (k + 1,) of the column from its begin on, and after each change [1].
+        cost: log likelihood that a change must bring.
+        barred: (n,) rows at which nothing begins or changes.
+    Source: dynamic programming over ordered rows.
+    """
+    following, later, last = list[np.ndarray](), np.zeros(len(XX)), len(XX) - 1
+    for k in reversed(range(len(sizes))):
+        before, size = ([0.0, *sizes])[k], sizes[k]
+        gain = (size - before) * Xy - 0.5 * (size**2 - before**2) * XX + later
+        gain[:-1] -= cost * (k > 0)
+        gain[barred] = -np.inf
+        later = np.maximum.accumulate(gain[::-1])[::-1]
+        first = np.where(gain >= later, np.arange(len(gain)), last)
+        following.insert(0, np.minimum.accumulate(first[::-1])[::-1])
+    return gain, np.array(following[1:], int).reshape(len(sizes) - 1, len(XX))
+
+
+def times_of_changes(t: np.ndarray, following: np.ndarray, first: int) -> tuple[float, ...]:
+    """Return the times of changes [s] after a begin at row `first`; infinite: one that the next
+    overtakes.
+
+    Args:
+        t: (n,) times [s], the last one "not at all".
+        following: (k, n) rows by `ordered_changes`.
+    """
+    rows = list[int]()
+    for after in following:
+        rows.append(int(after[rows[-1] if rows else first]))
+    pairs = pairwise([*rows, len(t) - 1])
+    return tuple(NEVER if row >= end else float(t[row]) for row, end in pairs)

@@ -117,7 +117,8 @@ def phrase(cause: Cause) -> str:
     (unit, *others) = {p.unit for p in parameters.values()} or {""}
     own = effect_of(cause.identifier).phrase
     if own and {field for _, field, _, _ in string.Formatter().parse(own) if field} <= set(values):
-        return own.format(**values)
+        later = listed(_changes(cause), "then")
+        return own.format(**values) + f" ({later})" * bool(later)
     if len(values) == 1:
         return f"{name} of {next(iter(values.values()))}"
     if others or unit in ("", "1"):
@@ -126,6 +127,34 @@ def phrase(cause: Cause) -> str:
     if set(parameters) == set("xyz") or "roll" in parameters:
         return f"{name} of {measure(math.hypot(*sizes), unit)}"
     return f"{name} of up to {measure(max(sizes, key=abs), unit)}"
+
+
+def _changes(cause: Cause, flight: str = "") -> list[str]:
+    """Return the changes of a payload's mass, as in '+250 g at 7.0 s' and 'dropped at 13.0 s'; in
+    no flight, without their times.
+    """
+    found, mass = [], cause.parameters["mass"].value if cause.loads else 0.0
+    steps = cause.steps(flight) if flight else [(math.inf, load) for load in cause.loads]
+    for time, load in steps:
+        size, mass = load.value - mass, load.value
+        sign = "+" if size > 0 else "−"
+        what = f"{sign}{measure(abs(size), 'kg', 3)}" if mass else "dropped"
+        found.append(what + f" at {time:.1f}{NBSP}s" * math.isfinite(time))
+    return found
+
+
+def begins(cause: Cause, longest: int = 36) -> list[str]:
+    """Return by flight when a cause begins and a payload's mass changes, where it does."""
+    found = []
+    for flight, time in cause.onset.items():
+        name, later = plain_name(flight, longest), _changes(cause, flight)
+        if later:
+            first = measure(cause.parameters["mass"].value, "kg", 3)
+            later = [first if time is None else f"{first} at {time:.1f}{NBSP}s", *later]
+            found.append(f"{name}: {', '.join(later)}")
+        elif time is not None:
+            found.append(onset(time, name))
+    return found
 
 
 def changed(cause: Cause) -> str:
@@ -415,9 +444,8 @@ def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], lis
     ]
     rows: list[tuple[str, ...]] = []
     for cause in named_causes(diagnosis):
-        begins = [onset(t, plain_name(n, longest)) for n, t in cause.onset.items() if t is not None]
         last = [probability(cause.probability), percent(cause.held_out_gain)]
-        last += ["\n".join(begins), "\n".join(cause.indistinguishable_from)]
+        last += ["\n".join(begins(cause, longest)), "\n".join(cause.indistinguishable_from)]
         for k, (name, parameter) in enumerate(cause.parameters.items() or [("", None)]):
             shown = estimate(parameter, unit_of(cause, parameter)) if parameter else ("", "")
             if name == "rotor" and cause.rotor:

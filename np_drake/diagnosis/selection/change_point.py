@@ -7,22 +7,32 @@ import copy
 import dataclasses as dc
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model import NEVER
+from np_drake.diagnosis.forward_model import NEVER, Term
+from np_drake.diagnosis.numerics import places, scale_only
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
     Candidate,
+    Onset,
     RegressionProblem,
     Sums,
     SwitchedRegressors,
     hidden_from,
+    ordered_changes,
     switched,
+    times_of_changes,
     wind_candidates,
 )
-from np_drake.diagnosis.residuals import LEAST_DURATION
-from np_drake.diagnosis.selection.payload_search import AT_REST, PayloadSearch
+from np_drake.diagnosis.residuals import LEAST_DURATION, FlightResiduals
+from np_drake.diagnosis.selection.payload_search import (
+    AT_REST,
+    LEAST_MASS_DEVIATIONS,
+    PayloadSearch,
+    payload_about,
+)
 from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
@@ -117,6 +127,15 @@ class Onsets:
     evidence: float
 
 
+class Steps(NamedTuple):
+    """Times (k,) at which the size of an effect changes in a flight [s], and the sizes (k + 1,)
+    between them [1].
+    """
+
+    times: tuple[float, ...]
+    sizes: np.ndarray
+
+
 class OnsetScan:
     """Log evidence of a candidate from any instant on, beside nuisance and members of a model."""
 
@@ -126,7 +145,7 @@ class OnsetScan:
         scale, size = problem.temperature**-0.5, sum(c.size for c in chosen)
         self._products = np.zeros((size + 1, size + 1))
         # Either side of what begins is then as long as a flight that can be diagnosed.
-        edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
+        self._edge = edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
         self._go_on = {e.name for e in problem.flights if e.goes_on or e.earlier}
         self._flights: dict[str, SwitchedRegressors] = {}
         self._inside: dict[str, np.ndarray] = {}  # rows that may be onsets
@@ -145,10 +164,10 @@ class OnsetScan:
         to be zero.
         """
         b = len(self._owner)
-        self._covariance, self._mean = np.zeros((b, b)), np.zeros(b)
+        self.covariance, self.mean = np.zeros((b, b)), np.zeros(b)
         own = np.linalg.inv(np.eye(len(on)) + self._products[np.ix_(on, on)])
-        self._covariance[np.ix_(on, on)] = own
-        self._mean[on] = own @ self._products[on, -1]
+        self.covariance[np.ix_(on, on)] = own
+        self.mean[on] = own @ self._products[on, -1]
 
     def given(self, members: Sequence[int]) -> "OnsetScan":
         """Return the scan beside nuisance and some of its members alone, from the same sums."""
@@ -168,6 +187,62 @@ class OnsetScan:
                 at[name] = whole[name].rows([rows[np.argmax(profile)]])
         first, *rest = at.values()
         return float(self._evidence(first, rest)[0])
+
+    def _left(self, name: str, candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
+        """Return for a candidate of one column its X'X and X'y (m + 1,) over all rows of a flight
+        from each row on, y less the posterior mean of what acts as well but for `PIECES`.
+        """
+        pieces = [c.variant == PIECES for c in self.problem.candidates]
+        mean = np.where(np.append(pieces, False)[self._owner], 0.0, self.mean)
+        whole = self._flights[name].whole(candidate.columns[name])
+        return whole.XX[:, 0, 0], (whole.Xy - whole.XB @ mean[whole.at])[:, 0]
+
+    @property
+    def _cost(self) -> float:
+        """Log evidence that a change must bring, its prior among all rows of a flight included."""
+        priors, rows = self.problem.options.priors, max(len(f.t) for f in self._flights.values())
+        return priors.onset_gain - priors.onset + math.log(rows)
+
+    def steps(self, candidate: Candidate) -> dict[str, Steps]:
+        """Return by flight when the size of a candidate of one column changes, and its sizes.
+
+        Every size has its prior; no change follows another by less than `edge`.
+        Source: optimal partitioning (Jackson et al. 2005).
+        """
+        found = dict[str, Steps]()
+        for name, flight in self._flights.items():
+            rows = np.array([0, *self._inside[name][::COARSE], len(flight.t)])
+            XX, Xy = (sums[rows] for sums in self._left(name, candidate))
+            # [i, j]: of the rows from boundary i to boundary j.
+            precision, product = 1.0 + XX[:, None] - XX, Xy[:, None] - Xy
+            gain = 0.5 * (product**2 / precision - np.log(np.maximum(precision, 1.0)))
+            step = flight.t[1] - flight.t[0]
+            gain[(rows - rows[:, None]) * step < self._edge] = -np.inf
+            gain[1:] -= self._cost
+            best, before = np.zeros(len(rows)), np.zeros(len(rows), int)
+            for j in range(1, len(rows)):
+                total = best[:j] + gain[:j, j]
+                before[j] = np.argmax(total)
+                best[j] = total[before[j]]
+            ends = [len(rows) - 1]
+            while ends[0]:
+                ends.insert(0, int(before[ends[0]]))
+            sizes = (product / precision)[ends[:-1], ends[1:]]
+            found[name] = Steps(tuple(flight.t[rows[ends[1:-1]]].tolist()), sizes)
+        return found
+
+    def changes(self, candidate: Candidate, sizes: Sequence[float]) -> dict[str, tuple[float, ...]]:
+        """Return by flight the times at which a candidate of one column changes to the next of its
+        sizes (k + 1,), the first of which it has from the start [s]; infinite: not there.
+        """
+        found = dict[str, tuple[float, ...]]()
+        for name, flight in self._flights.items():
+            barred = np.ones(len(flight.t) + 1, bool)
+            barred[[0, *self._inside[name], -1]] = False
+            XX, Xy = self._left(name, candidate)
+            _, following = ordered_changes(XX, Xy, sizes, self._cost, barred)
+            found[name] = times_of_changes(np.append(flight.t, NEVER), following, 0)
+        return found
 
     def best(self, candidate: Candidate) -> Onsets:
         """Return the onsets at which the candidate explains the flights best.
@@ -239,7 +314,7 @@ class OnsetScan:
         """Return (n,) the log evidence with these sums of one flight, each with those of the
         rest.
         """
-        X, at, covariance = own.XB, own.at, self._covariance
+        X, at, covariance = own.XB, own.at, self.covariance
         XX, Xy = own.XX + sum(r.XX for r in rest), own.Xy + sum(r.Xy for r in rest)
         beside = np.zeros((X.shape[1], len(self._owner)))
         for r in rest:
@@ -253,7 +328,7 @@ class OnsetScan:
         within = (flat @ covariance[np.ix_(at, at)]).reshape(X.shape)
         explained = within @ np.swapaxes(X, 1, 2) + cross + np.swapaxes(cross, 1, 2)
         A = XX + np.eye(XX.shape[1]) - explained - known @ beside.T
-        b = Xy - X @ self._mean[at] - beside @ self._mean
+        b = Xy - X @ self.mean[at] - beside @ self.mean
         if b.shape[1] == 1:  # most effects
             return 0.5 * (b**2 / A[..., 0] - np.log(A[..., 0]))[:, 0]
         gain = np.sum(b * np.linalg.solve(A, b[..., None])[..., 0], axis=1)
@@ -288,6 +363,149 @@ def switched_candidates(scan: OnsetScan) -> list[Candidate]:
                     key = (late.identifiers, late.variant, tuple(sorted(at.onset.items())))
                     found.setdefault(key, dc.replace(late, onset_prior=at.prior))
     return list(found.values())
+
+
+PIECES = "pieces"  # variant of a candidate that acts in pieces of flights, each of its size
+ROUNDS = 4  # in which steps are sought, at most
+MOST_CHANGES = 4  # of a load in a flight: more of them are wind; source: own choice
+
+
+def in_pieces(
+    candidate: Candidate, flights: Sequence[FlightResiduals], steps: dict[str, Steps]
+) -> Candidate:
+    """Return a candidate of one column cut at its steps, a column for every piece of a flight."""
+    at = places(len(steps[e.name].sizes) for e in flights)
+    columns = {e.name: np.zeros((*e.y.shape, at[-1].stop)) for e in flights}
+    for e, own in zip(flights, at, strict=True):
+        begun = np.stack([e.begun(t) for t in (None, *steps[e.name].times, NEVER)], axis=-1)
+        columns[e.name][..., own] = candidate.columns[e.name] * -np.diff(begun, axis=-1)
+    return dc.replace(candidate, variant=PIECES, columns=columns, physical=None)
+
+
+def _in_steps(
+    problem: RegressionProblem, weight: Candidate, others: Sequence[int], least: float
+) -> tuple[list[float], dict[str, tuple[float, ...]]]:
+    """Return the sizes of a weight (one column) in turn, alike in all flights and `least` apart,
+    and by flight the times at which it changes to the next [s].
+
+    Beside all `others` that may act. Steps that are too many do no harm at first: in their pieces
+    they leave what else acts to its own columns, beside which they are sought anew.
+    """
+    found, scan = dict[str, Steps](), OnsetScan(problem, others)
+    for _ in range(ROUNDS):
+        before, found = found, scan.steps(weight)
+        if {n: f.times for n, f in found.items()} == {n: f.times for n, f in before.items()}:
+            break
+        scan = _beside(problem, others, in_pieces(weight, problem.flights, found))
+    most = max(len(f.times) for f in found.values())
+    sizes = np.mean([f.sizes for f in found.values() if len(f.times) == most], axis=0).tolist()
+    while len(sizes) > 1:
+        steps = np.abs(np.diff(sizes))
+        k = int(np.argmin(steps))
+        if steps[k] >= least:
+            break
+        sizes[k : k + 2] = [0.5 * (sizes[k] + sizes[k + 1])]
+    return sizes, scan.changes(weight, sizes)
+
+
+def _beside(problem: RegressionProblem, others: Sequence[int], pieces: Candidate) -> OnsetScan:
+    """Return the scan beside some candidates and `PIECES`."""
+    return OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
+
+
+def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
+    """Return payloads whose mass changes in flight, as the steps of a weight show it.
+
+    The lightest load is none, or the two lightest are, or no one is: where thrust is not known,
+    steps of a weight tell no more. One that is hung on and stays is of `late_payloads`.
+
+    Steps that no model has yet are in the slow noise, which would hide them: white noise does not.
+    """
+    flights, options = problem.flights, problem.options
+    white = scale_only([problem.noise.rms[None]], problem.noise.step)
+    problem = problem.extended([], white)
+    plain = [c for c in problem.candidates if not c.onset]
+    weights = [c for c in plain if c.identifiers == (PAYLOAD,)]
+    weights += [c for c in plain if c.identifiers == WEIGHTS[0]]
+    if PAYLOAD in hidden_from(flights) or not weights:
+        return []
+    acting = [
+        i
+        for i, c in enumerate(problem.candidates)
+        if c.size <= MOST_COLUMNS and not c.onset and PAYLOAD not in c.identifiers
+    ]
+    (unit,) = weights[0].terms(np.eye(weights[0].size)[0])
+    least = options.materiality.force * flights[0].vehicle.mass
+    least /= next(iter(unit.effect.values.values()))  # [kg]
+    sizes, changes = _in_steps(problem, _first_column(weights[0]), acting, least)
+    if len(sizes) > 1 + MOST_CHANGES:
+        return []
+    others = [c for c in plain if c.size <= 3 and PAYLOAD not in c.identifiers]
+    found, order = list[Candidate](), np.argsort(sizes)
+    for none in (order[:1], order[:2], order[:0]):
+        loads = np.array(sizes) - min(sizes) + (not len(none))
+        loads[none] = 0.0
+        late = int(loads[0] == 0.0)
+        base, *rest = loads[late:].tolist() or [0.0]
+        if not base or not rest:
+            continue
+        onset: Onset = {n: min(times) for n, times in changes.items()} if late else {}
+        onset |= {e.name: NEVER for e in flights if e.earlier}
+        later = {n: times[late:] for n, times in changes.items()}
+        ratios = [load / base for load in rest]
+        search = PayloadSearch(flights, options, onset, loads=ratios, changes=later)
+        followed = search.followed(problem.noise, problem.nuisance, others)
+        if followed:
+            guess, candidate = followed[0]
+            onset = search.when(problem.noise, problem.nuisance, guess)
+            sharp = _sharpened(problem, acting, guess, onset)
+            if sharp is not None:
+                found.append(dc.replace(sharp, log_prior=candidate.log_prior))
+    return found
+
+
+def _first_column(candidate: Candidate) -> Candidate:
+    return dc.replace(candidate, columns={n: X[..., :1] for n, X in candidate.columns.items()})
+
+
+def _without(term: Term, k: int) -> Term:
+    """Return a payload without one of its changes."""
+    changes = {name: (*times[:k], *times[k + 1 :]) for name, times in term.changes.items()}
+    return dc.replace(term, loads=(*term.loads[:k], *term.loads[k + 1 :]), changes=changes)
+
+
+def _sharpened(
+    problem: RegressionProblem, others: Sequence[int], guess: Term, onset: Onset
+) -> Candidate | None:
+    """Return a payload with changes to the row: where its loads, as they are beside `others`, come
+    one after the other. Steps that are immaterial are left out; none where a load is.
+    """
+    flights, priors = problem.flights, problem.options.priors
+    payload = payload_about(flights, dc.replace(guess, onset=onset), priors)
+    pieces = dc.replace(payload.candidate(flights), variant=PIECES)
+    scan, own = _beside(problem, others, pieces), slice(-payload.size, None)
+    sizes = payload.masses @ scan.mean[own]
+    deviations = np.sqrt(np.diag(payload.masses @ scan.covariance[own, own] @ payload.masses.T))
+    least = problem.options.materiality.force / priors.payload_mass
+    if np.any(sizes < np.maximum(least, LEAST_MASS_DEVIATIONS * deviations)):
+        return None
+    term = payload.moved(scan.mean[own])
+    steps = np.abs(np.diff([term.effect.values["mass"], *term.loads]))
+    if not len(steps):
+        return None
+    if steps.min() < problem.options.materiality.force * flights[0].vehicle.mass:
+        return _sharpened(problem, others, _without(term, int(np.argmin(steps))), onset)
+    bare = payload_about(flights, dc.replace(term, loads=(), changes={}), priors, shaped=False)
+    unit = bare.guess.effect.values["mass"]
+    changes = scan.changes(
+        _first_column(bare.candidate(flights)),
+        [mass / unit for mass in (term.effect.values["mass"], *term.loads)],
+    )
+    moved = payload_about(flights, dc.replace(term, changes=changes), priors).candidate(flights)
+    instants = [*(t for times in changes.values() for t in times), *onset.values()]
+    begun = sum(t is not None and t != NEVER for t in instants)
+    prior = begun * (priors.onset - math.log(max(len(e.t) for e in flights)))
+    return dc.replace(moved, onset_prior=prior)
 
 
 def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:

@@ -40,6 +40,7 @@ from np_drake.diagnosis.regressors import (
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_outliers
 from np_drake.diagnosis.selection.change_point import (
     OnsetScan,
+    changing_payloads,
     late_payloads,
     new_conditions,
     switched_candidates,
@@ -217,7 +218,7 @@ def find_map_model(
         members = [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
         scan = OnsetScan(problem, members)
         late = switched_candidates(scan)
-        hung = late_payloads(scan, late) if first else []
+        hung = [*late_payloads(scan, late), *changing_payloads(problem)] if first else []
         candidates += hung
         if more := [*hung, *late, *new_conditions(problem)]:
             problem = problem.extended(more)

@@ -9,7 +9,8 @@ Source: progressive horizons, as in multiple shooting; own choice of both.
 
 import dataclasses as dc
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 import scipy
@@ -52,12 +53,13 @@ class PayloadColumns:
     """Payload columns with prior N(0, 1), by flight, without those that are zero there (the swings
     of other flights).
 
-    The order over all flights is mass, hook (3), length and damping (if `shaped`), and the swings
-    of one flight after the other.
+    The order over all flights is mass, hook (3), length and damping (if `shaped`), the loads after
+    changes, and the swings of one flight after the other. The mass scales all loads.
 
     Args:
         guess: payload about which columns are linear; its mass is that of a coefficient of one.
-        own: by flight, (m, 6, k') force and torque: at rest, length, damping, and the swing there.
+        own: by flight, (m, 6, k') force and torque: at rest, length, damping, loads, and the swing
+            there.
         rate: natural rate [1/s].
     """
 
@@ -68,9 +70,26 @@ class PayloadColumns:
     shaped: bool = False
 
     @property
+    def loads(self) -> slice:
+        """Columns of the loads that are not zero."""
+        begin = AT_REST + SHAPE * self.shaped
+        return slice(begin, begin + np.count_nonzero(self.guess.loads))
+
+    @property
     def first(self) -> int:
         """Number of columns before those of swings."""
-        return AT_REST + SHAPE * self.shaped
+        return self.loads.stop
+
+    @property
+    def masses(self) -> np.ndarray:
+        """(1 + loads, size) matrix from coefficients to the mass and the loads that are not zero,
+        over the mass of the guess [1].
+        """
+        hung = [load for load in self.guess.loads if load > 0]
+        matrix = np.zeros((1 + len(hung), self.size))
+        matrix[:, 0] = [1.0, *(load / self.guess.effect.values["mass"] for load in hung)]
+        matrix[1:, self.loads] = np.eye(len(hung))
+        return matrix
 
     @property
     def swings(self) -> dict[str, slice]:
@@ -105,7 +124,8 @@ class PayloadColumns:
         The coefficients of length, hook, damping and swing are products with the mass.
         """
         known, share = self.guess.effect.values, max(c[0], LIGHTEST)
-        stretch, brake = c[AT_REST : self.first] / share if self.shaped else np.zeros(SHAPE)
+        shape = c[AT_REST : self.loads.start] / share
+        stretch, brake = shape if self.shaped else np.zeros(SHAPE)
         length = known["length"] * (1 + np.clip(stretch * self.priors.length, -0.2, 0.2))
         values = {
             "mass": share * known["mass"],
@@ -122,7 +142,10 @@ class PayloadColumns:
             move = np.clip(c[span] / share, -4.0, 4.0) * self.priors.swing
             before = padded(self.guess.hidden.get(name), len(units))
             swing[name] = np.clip(before + move * units, -WIDEST * units, WIDEST * units)
-        return Term(SuspendedPayload.of(values), self.guess.onset, swing)
+        loads = np.array(self.guess.loads)
+        loads[loads > 0] = known["mass"] * np.maximum(self.masses[1:] @ c, LIGHTEST)
+        moved = Term(SuspendedPayload.of(values), self.guess.onset, swing)
+        return dc.replace(moved, loads=tuple(loads.tolist()), changes=self.guess.changes)
 
     def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
         """Return a candidate with columns for all channels, physical where mass is positive and
@@ -182,14 +205,20 @@ def payload_about(
     Args:
         shaped: whether length, damping and jumps at outliers are free as well.
     """
-    values = {**guess.effect.values, "mass": priors.payload_mass * flights[0].vehicle.mass}
-    guess = dc.replace(guess, effect=SuspendedPayload.of(values))
+    unit = priors.payload_mass * flights[0].vehicle.mass
+    values, share = {**guess.effect.values, "mass": unit}, unit / guess.effect.values["mass"]
+    loads = tuple(share * load for load in guess.loads)
+    guess = dc.replace(guess, effect=SuspendedPayload.of(values), loads=loads)
     shapes, widths = list[Term](), list[float]()
     if shaped:
         longer, braked = values["length"] * (1 + SMALL), values["damping"] + SMALL
         for change in ({"length": longer}, {"damping": braked}):
             shapes.append(dc.replace(guess, effect=SuspendedPayload.of({**values, **change})))
         widths = [priors.length, priors.damping]
+    for k in np.flatnonzero(loads).tolist():
+        heavier = (*loads[:k], loads[k] + SMALL * unit, *loads[k + 1 :])
+        shapes.append(dc.replace(guess, loads=heavier))
+        widths.append(1.0)
     rate, own = math.sqrt(flights[0].vehicle.gravity / values["length"]), {}
     for e in flights:
         size = hidden_size(e, guess.begins(e.name)) if shaped else STATE
@@ -369,6 +398,8 @@ class PayloadSearch:
     Args:
         onset: onsets of the payload by flight [s].
         lengths: of tethers (n,) [m]; default: `search_lengths`.
+        loads: of the payload after its changes, over its mass before them [1].
+        changes: times of these by flight [s].
     """
 
     def __init__(
@@ -377,8 +408,11 @@ class PayloadSearch:
         options: Options,
         onset: Onset | None = None,
         lengths: np.ndarray | None = None,
+        loads: Sequence[float] = (),
+        changes: Mapping[str, tuple[float, ...]] = MappingProxyType({}),
     ):
         self._flights, self._onset = list(flights), onset
+        self._loads, self._changes = tuple(loads), dict(changes)
         self._priors = options.priors
         self.lengths = search_lengths(flights) if lengths is None else lengths
 
@@ -407,7 +441,7 @@ class PayloadSearch:
                     peaks.append(i)
             starts |= dict.fromkeys((alone, peaks[0], first) for first in (ENDS[0], horizon))
             starts |= dict.fromkeys((alone, i, horizon) for i in peaks[1:FOLLOWED])
-        every = [payload_of(length, self._onset) for length in self.lengths.tolist()]
+        every = [self._payload(length) for length in self.lengths.tolist()]
         found = [self._follow(beside, every[i], first, alone) for alone, i, first in starts]
         return self._distinct(beside, found)
 
@@ -418,6 +452,11 @@ class PayloadSearch:
         beside = OtherRegressors(self._flights, noise, nuisance, [], self._onset)
         begun = [dc.replace(g, onset=self._onset or {}, hidden={}) for g in guesses]
         return self._distinct(beside, [self._follow(beside, g, HORIZONS[0]) for g in begun])
+
+    def _payload(self, length: float) -> Term:
+        """Return a payload at rest on a tether of this length [m], with the loads of the search."""
+        payload = payload_of(length, self._onset)
+        return dc.replace(payload, loads=self._loads, changes=self._changes)
 
     def _distinct(
         self, beside: OtherRegressors, found: Sequence[PayloadColumns | None]
@@ -442,7 +481,7 @@ class PayloadSearch:
             (a, h): [] for a in (False, True) for h in ENDS
         }
         for length in self.lengths.tolist():
-            guess = payload_of(length, self._onset)
+            guess = self._payload(length)
             payload = payload_about(self._flights, guess, self._priors, shaped=False)
             for horizon in ENDS:
                 for alone, gram in zip((False, True), beside.grams(payload, horizon), strict=True):

@@ -140,7 +140,7 @@ def test_propellers_turn_as_the_log_states_and_no_option_contradicts_it(folder, 
     out = dc.replace(stated, directions=tuple(-d for d in stated.directions))
     write_log(short, path)
     write_sheet(Sheet(rotors=out), path)
-    frame = "--wheelbase 0.09 --propeller 0.05 --order crazyflie --mass 0.04".split()
+    frame = ["--wheelbase", "0.09", "--propeller", "0.05", "--order", "crazyflie", "--mass", "0.04"]
     for option in ([], ["--props", "out"]):  # read, and too short
         assert "needs a flight of 3 s" in refusal(capsys, path, *frame, *option)
     said = refusal(capsys, path, *frame, "--props", "in")

@@ -165,6 +165,19 @@ def test_a_payload_swings_along_the_force_that_the_log_shows():
     assert nominal > 50 * EXACT
 
 
+def test_a_payload_takes_the_place_of_the_one_before():
+    config = PayloadConfig(mass=0.3, length=0.6)
+    hung, free = Flyer(config), Flyer()
+    rows = hung.fly(0.0, 2.0)
+    state, n = hung.plant.GetPositionsAndVelocities(hung.plant_context), hung.plant.num_positions()
+    free.plant.SetPositionsAndVelocities(free.plant_context, np.r_[state[:7], state[n : n + 6]])
+    log = log_of(rows + free.fly(2.0, 4.0))
+    payload = SuspendedPayload(0.3, 0.6, *config.hook)
+    dropped = dc.replace(payload, mass=0.0), {"a": 2.0}
+    seen = position_error(log, (payload, {"a": None}), dropped)
+    assert seen < 0.5 * position_error(log, (payload, {"a": None}))
+
+
 def test_measured_rotor_speed_has_lagged_already():
     lagging = dc.replace(VEHICLE, rotor_time_constant=0.05)
     rows = Flyer(actuator_effects=[MotorLag(0.05)]).fly(0.0, 4.0)

@@ -49,10 +49,10 @@ class Course:
     yaw: np.ndarray
 
 
-def course(seed: int, seconds: float, vigour: float | tuple[float, ...]) -> Course:
-    """Return a few sinusoids on each axis about a point 1.2 m above the ground, starting from
-    rest.
-    """
+def course(
+    seed: int, seconds: float, vigour: float | tuple[float, ...], height: float = 1.2
+) -> Course:
+    """Return a few sinusoids on each axis about a point above the ground, starting from rest."""
     rng = np.random.default_rng(seed)
     t = STEP * np.arange(round(seconds / STEP) + 1)
     parts = np.zeros((3, len(t), 4))
@@ -70,7 +70,7 @@ def course(seed: int, seconds: float, vigour: float | tuple[float, ...]) -> Cour
     wave, slope, curve = parts
     p, v = grown * wave, grown * slope + rate * wave
     a = grown * curve + 2 * rate * slope + bend * wave
-    return Course(t, p[:, :3] + [0, 0, 1.2], v[:, :3], a[:, :3], p[:, 3])
+    return Course(t, p[:, :3] + [0, 0, height], v[:, :3], a[:, :3], p[:, 3])
 
 
 @dc.dataclass
@@ -89,9 +89,15 @@ class Flight:
     """Simulation of one flight under some effects."""
 
     def __init__(
-        self, path: Course, places: EffectsByPlace, onset: Mapping[str, float], vehicle: Vehicle
+        self,
+        path: Course,
+        places: EffectsByPlace,
+        onset: Mapping[str, float],
+        vehicle: Vehicle,
+        loads: Mapping[float, float],
     ):
         self.path, self.places, self.onset, self.vehicle = path, places, onset, vehicle
+        self.loads = loads
         self.lag = next((e for e in places.actuator if isinstance(e, MotorLag)), None)
 
     def gate(self, effect: Any) -> np.ndarray:
@@ -198,10 +204,13 @@ class Flight:
         down = -(a[k : k + 50].mean(axis=0) + GRAVITY)
         r = payload.length * down / np.linalg.norm(down)
         still = np.zeros(3)
+        mass = np.full((len(x), 1), payload.mass)
+        for time, load in self.loads.items():
+            mass[self.path.t >= time] = load
         chi[k:] = payload.wrench_along(
             self.vehicle, x=x[k:], a=a[k:], al=al[k:], step=STEP, r=r, r_rate=still
         )
-        return chi
+        return chi * mass / payload.mass
 
     def _turned(self, needed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return thrust (n, 4) at rows and in the mean: held over the interval, or interpolated
@@ -267,17 +276,22 @@ def fly(
     vigour: float | tuple[float, ...] = 1.0,
     accelerations: bool = True,
     onset: Mapping[str, float] | None = None,
+    loads: Mapping[float, float] | None = None,
     attitude_noise: float = 0.0,
+    height: float = 1.2,
     vehicle: Vehicle = VEHICLE,
 ) -> FlightLog:
     """Return the log of a flight under `effects`.
 
-    onset: by identifier [s]. noise: factor on the white noise of the vehicle file [1];
-    attitude_noise [rad].
+    onset: by identifier [s]. loads: by time [s], the mass of a payload from then on [kg].
+    noise: factor on the white noise of the vehicle file [1];
+    attitude_noise [rad]. height: of the start [m].
     vigour: of the motion along x, y, z and about z [1]; 0 hovers.
     """
     places = split_effects(effects)
-    flight = Flight(course(seed, seconds, vigour), places, onset or {}, vehicle)
+    flight = Flight(
+        course(seed, seconds, vigour, height), places, onset or {}, vehicle, loads or {}
+    )
     flown = flight.flown()
     al = np.concatenate([np.diff(flown.x[:, W], axis=0) / STEP, np.zeros((1, 3))])
     reading = Measurement(flown.x, flown.a, al, np.zeros((len(al), 4)))

@@ -123,6 +123,17 @@ def test_an_onset_in_a_flight_leaves_the_trace_of_that_onset(seen, effect):
     assert size(residual[outside][:, ev.WRENCH]) < share * size(dut.y[:, ev.WRENCH])
 
 
+def test_a_payload_pulls_by_the_load_that_hangs_then(flown):
+    name, half = flown.name, dc.replace(LIGHT, mass=0.1)
+    changes = {name: (3.0, NEVER, 6.0)}
+    found = predicted_residual(flown, [Term(LIGHT, loads=(0.1, 9.0, 0.0), changes=changes)])
+    first, second = (predicted_residual(flown, [Term(one)]) for one in (LIGHT, half))
+    for part, expected in ((flown.t < 2.7, first), (flown.t > 6.3, 0.0 * first)):
+        np.testing.assert_allclose(found[part], expected[part], atol=1e-9)
+    between = (flown.t > 3.3) & (flown.t < 5.7)
+    np.testing.assert_allclose(found[between], second[between], atol=1e-9)
+
+
 def test_two_onsets_of_actuators_are_switched_in_one_after_the_other(flown):
     terms = [Term(ThrustScale(0.9), {flown.name: 3.0}), Term(CommandDelay(0.05), {flown.name: 6.0})]
     found = predicted_residual(flown, terms)

@@ -6,7 +6,7 @@ import pytest
 from np_drake.diagnosis.forward_model import NEVER, Term, predicted_residual
 from np_drake.diagnosis.held_out import HIDDEN_SPAN, adapt, mark_outliers, scored_rows
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import onset_log_likelihood
+from np_drake.diagnosis.regressors import onset_log_likelihood, ordered_changes
 from np_drake.diagnosis.residuals import WRENCH, make_flight_residuals
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -25,6 +25,42 @@ def test_the_onset_in_an_unseen_flight_is_found(seen, noise, when):
     (dut,) = adapt([Term(HEAVY, {"a": 1.0})], flight, noise, priors=REAL.priors)
     assert dut.begins("c") == pytest.approx(when, abs=0.2)
     assert dut.effect == HEAVY  # its figures are those of the fit
+
+
+@pytest.mark.parametrize("begin", [None, 2.5])
+def test_the_loads_of_a_payload_come_in_turn_in_an_unseen_flight(seen, noise, begin):
+    onset, loads = {"suspended_payload": begin} if begin else {}, {5.0: 0.4, 8.0: 0.0}
+    how = {"name": "c", "seed": 3, "noise": 1.0, "vigour": 0.4, "seconds": 10.0, "height": 9.0}
+    flight = seen(PAYLOAD, onset=onset, loads=loads, **how)
+    known = Term(PAYLOAD, {"a": begin}, loads=(0.4, 0.0), changes={"a": (3.0, 4.0)})
+    (dut,) = adapt([known], flight, noise, priors=REAL.priors)
+    assert dut.changes["c"] == pytest.approx((5.0, 8.0), abs=0.1)
+    assert dut.begins("c") == (begin and pytest.approx(begin, abs=0.1))
+    assert (dut.effect, dut.loads) == (PAYLOAD, (0.4, 0.0))  # its figures are those of the fit
+    # a flight in which nothing changes
+    (dut,) = adapt([known], seen(PAYLOAD, **how), noise, priors=REAL.priors)
+    assert dut.changes["c"] == (NEVER, NEVER)
+
+
+def test_changes_come_in_order_and_as_is_best():
+    rng = np.random.default_rng(1)
+    x, y = rng.normal(size=(2, 9))
+    XX, Xy = (np.append(np.cumsum(p[::-1])[::-1], 0.0) for p in (x * x, x * y))
+    sizes, cost = (1.0, 2.5, 0.0), 0.2
+    gain, following = ordered_changes(XX, Xy, sizes, cost, np.zeros(10, bool))
+
+    def likelihood(rows):
+        size = np.zeros(9)
+        for row, of in zip(rows, sizes, strict=True):
+            size[row:] = of
+        return 0.5 * np.sum(y**2 - (y - size * x) ** 2) - cost * sum(r < 9 for r in rows[1:])
+
+    for first in range(10):
+        every = [(first, a, b) for a in range(first, 10) for b in range(a, 10)]
+        assert gain[first] == pytest.approx(max(map(likelihood, every)))
+        second = following[0, first]
+        found = (first, second, following[1, second])
+        assert likelihood(found) == pytest.approx(gain[first])
 
 
 def test_a_wind_begins_with_the_drag_that_feels_it(seen, noise):
@@ -89,7 +125,7 @@ def test_outliers_of_a_swing_are_taken_in_turn(seen, noise):
 def test_the_profile_is_the_likelihood_of_every_instant(seen, noise):
     flight = seen(HEAVY, name="c", seed=3, noise=1.0, seconds=5.0)
     own = predicted_residual(flight, [Term(HEAVY)])
-    t, profile = onset_log_likelihood(flight, noise, flight.y, own)
+    t, profile, _ = onset_log_likelihood(flight, noise, flight.y, own)
     for k in (0, 40, 100, 180):
         begun = flight.begun(float(t[k]) if k else None) * own
         residual = [noise.whiten(flight.y), noise.whiten(flight.y - begun)]

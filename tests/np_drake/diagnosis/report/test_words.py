@@ -63,6 +63,25 @@ def test_numbers_are_finite_or_null():
     assert dut["causes"][0]["share"] is None
 
 
+def test_loads_are_told_flight_by_flight():
+    mass, heavier, none = (an.Estimate(m, "kg", (m, m)) for m in (0.2, 0.45, 0.0))
+    changes = {"a": (7.0, 13.0), "b": (np.inf, 9.0), "c": (np.inf, np.inf), "d": ()}
+    parameters = {"mass": mass, "length": an.Estimate(0.8, "m", (0.8, 0.8))}
+    onset = {"a": None, "b": 2.0, "c": None, "d": np.inf}
+    how = {"loads": (heavier, none), "changes": changes}
+    cause = an.Cause("suspended_payload", 0.9, parameters, onset, **how)
+    plain = [line.replace(dut.NBSP, " ") for line in (*dut.begins(cause), dut.phrase(cause))]
+    assert plain == [
+        "a: 200 g, +250 g at 7.0 s, dropped at 13.0 s",
+        "b: 200 g at 2.0 s, dropped at 9.0 s",
+        "d: not at all",
+        "a 200 g payload on 0.80 m (+250 g then dropped)",
+    ]
+    (steps,) = [c["steps"] for c in dc.replace(small(), causes=(cause,)).as_json()["causes"]]
+    assert steps["b"] == [{"time": 9.0, "mass": 0.0, "ci95": [0.0, 0.0]}]
+    assert "steps" not in small().as_json()["causes"][0]
+
+
 def test_a_warning_that_stands_before_the_answer_is_not_said_again(diagnosis):
     names = diagnosis.train + diagnosis.held_out
     doubt = f"{', '.join(names)}: thrust is a guess"

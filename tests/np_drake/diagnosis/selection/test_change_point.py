@@ -7,7 +7,12 @@ from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import RegressionProblem, switched
 from np_drake.diagnosis.regressors.library import _effect_candidates
-from np_drake.diagnosis.selection.change_point import OnsetScan, late_payloads, switched_candidates
+from np_drake.diagnosis.selection.change_point import (
+    OnsetScan,
+    changing_payloads,
+    late_payloads,
+    switched_candidates,
+)
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -61,6 +66,44 @@ def test_a_payload_that_is_hung_on_in_flight_is_found_to_the_row(seen, noise):
     assert {c.identifiers for c in found} == {("suspended_payload",)}
     assert found[0].onset["1"] == pytest.approx(4.0, abs=0.03)
     assert float(found[0].variant.removeprefix("length=")) == pytest.approx(0.5, rel=0.05)
+
+
+def loaded(seen, mass, changes, **how):
+    """Return flights of a payload of this mass, each with its changes."""
+    how = {"noise": 1.0, "vigour": 0.1, "seconds": 12.0, "height": 40.0} | how
+    payload = SuspendedPayload(mass, 0.5)
+    return [
+        seen(payload, name=str(i), seed=i, loads=loads, **how)
+        for i, loads in enumerate(changes, start=1)
+    ]
+
+
+def test_a_load_that_is_hung_on_grows_and_is_dropped_is_found_to_the_row(seen, noise):
+    onset = {"suspended_payload": 2.0}
+    changes = [{5.2: 0.45, 8.5: 0.0}, {5.0: 0.45, 8.2: 0.0}]
+    flights = loaded(seen, 0.2, changes, onset=onset)
+    found = changing_payloads(problem_of(flights, noise, [MassError(0.2), LinearDrag()]))
+    problem = problem_of(flights, noise, []).extended(found)
+    dut = max(range(len(found)), key=lambda i: problem.score([i]))
+    (term,) = found[dut].terms(problem.total.posterior(problem.columns([dut]))[0])
+    assert term.effect.mass == pytest.approx(0.2, rel=0.1)
+    assert term.loads == (pytest.approx(0.45, rel=0.05), 0.0)
+    for e, loads in zip(flights, changes, strict=True):
+        assert term.begins(e.name) == pytest.approx(2.0, abs=0.1)
+        assert term.changes[e.name] == pytest.approx(tuple(loads), abs=0.05)
+
+
+def test_what_one_flight_drops_another_carries_to_its_end(seen, noise):
+    flights = loaded(seen, 0.3, [{5.0: 0.0}, {}])
+    found = changing_payloads(problem_of(flights, noise, [MassError(0.2)]))
+    (term,) = found[0].terms(np.eye(found[0].size)[0])
+    assert term.loads == (0.0,)
+    assert term.changes == {"1": (pytest.approx(5.0, abs=0.05),), "2": (NEVER,)}
+
+
+def test_a_load_that_stays_has_no_changes(seen, noise):
+    flights = loaded(seen, 0.3, [{}, {}])
+    assert changing_payloads(problem_of(flights, noise, [MassError(0.2), LinearDrag()])) == []
 
 
 def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
