@@ -48,8 +48,9 @@ from np_drake.effects import (
 )
 from np_drake.effects.base import ActuatorEffect, Effect, Parameter, SensorEffect, arm, departure
 from np_drake.effects.calibration import in_flight
+from np_drake.effects.library import CHANGES
 from np_drake.files.number_text import number
-from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
+from np_drake.logs.inputs import VOLTAGE_SCATTER, PowerMap, hover_exponent, voltage_of
 from np_drake.rigid_body import V
 from np_drake.vehicle.published import published_priors
 
@@ -126,12 +127,14 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
 
 def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
     """Return the effects that are calibration whatever their size, and causes only where they begin
-    in flight.
+    in flight or since flights before.
 
-    A mass, where the scale of a throttle's map takes its place; of an unmeasured vehicle sensors,
-    torque gains, inertia and times of commands.
+    What propellers are like; mass and thrust, where the scale of a throttle's map takes their
+    place; of an unmeasured vehicle sensors, torque gains, inertia and times of commands.
     """
-    alone = {MassError} if e.log.input == "normalised" else set[type[Effect]]()
+    alone = set(CHANGES.values())
+    if e.log.input == "normalised":
+        alone |= {MassError, ThrustScale}
     if tolerance.unmeasured:
         every = [d.effect for d in (*of_vehicle(e, tolerance), *of_flight(e, tolerance))]
         sensors = [f for f in every if f.place == "measurement" or f.role == "mixer"]
@@ -168,11 +171,15 @@ def of_battery(e: FlightResiduals) -> list[Deviation]:
     if e.log.input != "normalised":
         return []
     volts, charge, sag = voltage_of(e.log), SPREAD.unknown_charge, SPREAD.sag
-    if volts is not None:
+    known = e.log.throttle_map
+    if volts is not None and not (isinstance(known, PowerMap) and known.volts is None):
         # The power of a voltage that falls is known to a third: thrust falls by so much more or
-        # less.
+        # less. So it does with another battery.
         fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
-        charge, sag = SPREAD.charge, float(np.hypot(SPREAD.known_sag, fall))
+        usual = known.volts if isinstance(known, PowerMap) else float(np.median(volts))
+        away = VOLTAGE_SCATTER * float(np.log(np.median(volts) / usual))
+        charge = float(np.hypot(SPREAD.charge, away))
+        sag = float(np.hypot(SPREAD.known_sag, fall))
     return [Deviation(BATTERY[0], {"scale": charge}), Deviation(BATTERY[1], {"rate": sag})]
 
 
@@ -395,12 +402,14 @@ def healthy_spread(
     found = dict[str, tuple[float, float]]()
     stated = [d for d in file_deviations(e.vehicle, tolerance) if d.stated]
     vehicle = [*of_vehicle(e, tolerance), *stated] if not changed else []
-    for d in (*vehicle, *(of_flight(e, tolerance) if tolerance.unmeasured else [])):
+    # Since flights before, thrust over throttle of a described vehicle differs by its battery too.
+    flight = of_flight(e, tolerance) if tolerance.unmeasured else of_battery(e)
+    for d in (*vehicle, *flight):
         if d.is_of(effect) and not d.at_value:
             for p in (p for p in effect.parameters if p.name in d.deviation):
                 _, known = found.get(p.name, (0.0, 0.0))
                 found[p.name] = d.usual(p), math.hypot(known, d.deviation[p.name])
-    if tolerance.unmeasured and isinstance(effect, MassError):
+    if (tolerance.unmeasured or changed) and isinstance(effect, MassError):
         # Thrust over throttle takes its place.
         for d in (d for d in of_battery(e) if d.effect is ThrustScale):
             found["delta_mass"] = 0.0, d.deviation["scale"] * e.vehicle.mass
@@ -430,7 +439,9 @@ def differences(
         sigma = float(np.sqrt(fit.covariance[k, k]))
         p = next(p for p in effect.parameters if p.name == f.name)
         if isinstance(effect, ThrottleCurve):
-            found.append(_throttle_map(d, p, hover_exponent(vehicle), effect.curve, sigma))
+            known = flights[0].log.throttle_map
+            usual = known.exponent if isinstance(known, PowerMap) else hover_exponent(vehicle)
+            found.append(_throttle_map(d, p, usual, effect.curve, sigma))
         elif tolerance.unmeasured or vehicle.measured or d.stated:
             found.append(_difference(d, p, getattr(effect, f.name) - f.neutral, sigma))
     if tolerance.unmeasured:

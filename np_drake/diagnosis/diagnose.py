@@ -80,7 +80,7 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import said_of_bridged
-from np_drake.logs.inputs import with_hover_thrust, with_throttle_map
+from np_drake.logs.inputs import USUAL, with_hover_thrust, with_throttle_map
 from np_drake.logs.opening import with_neighbours
 from np_drake.vehicle import Vehicle
 
@@ -260,7 +260,8 @@ def diagnose(
     # there.
     train, file = [*before, *train], vehicle
     known = len(before) or len(train)
-    mapped = with_throttle_map(vehicle, train[:known], [*train[known:], *held_out])
+    exponent = None if before else USUAL
+    mapped = with_throttle_map(vehicle, train[:known], [*train[known:], *held_out], exponent)
     vehicle, was, since = with_hover_thrust(vehicle, *mapped)
     train, held_out = [*was, *since][: len(train)], [*was, *since][len(train) :]
     if vehicle is not file:

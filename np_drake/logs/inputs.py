@@ -38,19 +38,27 @@ def with_throttle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
 
 
 def with_throttle_map(
-    vehicle: Vehicle, train: Sequence[FlightLog], held_out: Sequence[FlightLog]
+    vehicle: Vehicle,
+    train: Sequence[FlightLog],
+    held_out: Sequence[FlightLog],
+    exponent: float | None = USUAL,
 ) -> tuple[list[FlightLog], list[FlightLog]]:
     """Return the flights with thrust from throttle by one map, a property of the vehicle.
 
-    It is the vehicle file's, else one of the usual exponent with which the training flights carry
-    the vehicle file's weight: scale and exponent are then to be fitted together with all that hangs
+    It is the vehicle file's, else one of this exponent with which the training flights carry the
+    vehicle file's weight: scale and exponent are then to be fitted together with all that hangs
     below or drags. Flights with another input are as they were.
+
+    Args:
+        exponent: [1]; None: that with which the lift of the training flights goes, where nothing
+            hangs below.
     Raises: LogError: if a throttle never carries the vehicle.
     """
     told = [log for log in train if _has_throttle(log)]
     if not told:
         return list(train), list(held_out)
-    known = _map_of(vehicle, told, [log for log in held_out if _has_throttle(log)], exponent=USUAL)
+    others = [log for log in held_out if _has_throttle(log)]
+    known = _map_of(vehicle, told, others, exponent=exponent)
 
     def mapped(log: FlightLog) -> FlightLog:
         return _mapped(log, vehicle, known) if _has_throttle(log) else log
@@ -74,7 +82,7 @@ def _has_throttle(log: FlightLog) -> bool:
 
 
 @dc.dataclass(frozen=True)
-class _PowerMap:
+class PowerMap:
     """Thrust of a rotor over that of hover: (throttle / hover)^exponent (V / volts)^`VOLTAGE`; no
     volts, no V.
     """
@@ -98,7 +106,7 @@ def _map_of(
     others: Sequence[FlightLog] = (),
     *,
     exponent: float | None = None,
-) -> ThrottleMap | _PowerMap:
+) -> ThrottleMap | PowerMap:
     """Return the vehicle file's map, else that with which the flights carry its weight.
 
     With voltage, if they and `others` all know it.
@@ -111,10 +119,10 @@ def _map_of(
     seen = [_lifted(log, vehicle.gravity, volts) for log in flights]
     exponent = _fitted_exponent(seen) if exponent is None else exponent
     hover = float(np.median([own.scale(exponent) for own in seen])) ** (-1 / exponent)
-    return _PowerMap(0.25 * vehicle.mass * vehicle.gravity, hover, exponent, volts)
+    return PowerMap(0.25 * vehicle.mass * vehicle.gravity, hover, exponent, volts)
 
 
-def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | _PowerMap) -> FlightLog:
+def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | PowerMap) -> FlightLog:
     """Return the log with thrust, and torque where each rotor has its throttle, by a map."""
     f = known.thrust(np.maximum(np.asarray(log.throttle), 0.0), voltage_of(log))
     u = (
@@ -128,7 +136,8 @@ def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | _PowerMap) ->
         else "a map that carries the vehicle file's weight"
     )
     others = [other for other in log.notes if not other.startswith(NOTE)]
-    return dc.replace(log, u=u, input="normalised", notes=[*others, f"{NOTE} by {whose}"])
+    notes = [*others, f"{NOTE} by {whose}"]
+    return dc.replace(log, u=u, input="normalised", throttle_map=known, notes=notes)
 
 
 def voltage_of(log: FlightLog) -> np.ndarray | None:

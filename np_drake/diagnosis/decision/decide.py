@@ -343,7 +343,7 @@ def probably_material(ranking: Ranking, i: int, size: Size) -> float:
     if options.within_timing(effect, flights[0].vehicle):
         return 0.0
     posterior, changed = SizePosterior(fit, i, flights), has_changed(ranking, i)
-    spread = healthy_spread(effect, flights[0], options.tolerance, changed=changed)
+    spread = healthy_spread(effect, flights[-1], options.tolerance, changed=changed)
     outside = (
         posterior.material(size, options),
         posterior.beyond(spread),

@@ -23,7 +23,7 @@ from np_drake.diagnosis.regressors import (
 )
 from np_drake.diagnosis.residuals import LEAST_DURATION
 from np_drake.diagnosis.selection.payload_search import AT_REST, PayloadSearch
-from np_drake.effects.library import LIBRARY, effect_of
+from np_drake.effects.library import effect_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 
@@ -330,8 +330,10 @@ def _unchanged(c: Candidate) -> bool:
     """Return whether an effect is no change since earlier flights: clocks, sensors and the share of
     torque that acts are of each flight anew, and how a vehicle is made is of all.
     """
-    made = all(effect_of(name).constant for name in c.identifiers)
-    return made or (c.calibrated and c.identifiers not in WEIGHTS)
+    effects = [effect_of(name) for name in c.identifiers]
+    made = all(effect.constant for effect in effects)
+    changes = c.identifiers in WEIGHTS or all(effect.role == "change" for effect in effects)
+    return made or (c.calibrated and not changes)
 
 
 def new_conditions(problem: RegressionProblem) -> list[Candidate]:
@@ -343,16 +345,19 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
     """
     found, flights = list[Candidate](), problem.flights
     plain = [c for c in problem.candidates if len(c.identifiers) == 1 and not c.onset]
-    known = [(c, LIBRARY[c.identifiers[0]]) for c in plain if c.identifiers[0] in LIBRARY]
+    known = [(c, effect_of(c.identifiers[0])) for c in plain if not c.generic]
     begin = [c for c, effect in known if effect.begins and not effect.has_hidden_state]
+    changes = [c for c, effect in known if effect.role == "change"]
     earlier = [e.name for e in flights if e.earlier]
     for names in ([e.name for e in flights if not e.goes_on], earlier):
         if not names or len(names) == len(flights):
             continue
         lacking: dict[str, float | None] = dict.fromkeys(names, NEVER)
-        late = [
-            switched(c, flights, lacking) for c in begin if not (names == earlier and _unchanged(c))
-        ]
+        if names == earlier:
+            begun = [c for c in (*begin, *changes) if not _unchanged(c)]
+        else:
+            begun = begin
+        late = [switched(c, flights, lacking) for c in begun]
         late += wind_candidates(flights, begin, lacking)
         prior = problem.options.priors.onset * len(lacking) if names != earlier else 0.0
         found += [dc.replace(c, onset_prior=prior) for c in late]
