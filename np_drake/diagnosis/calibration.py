@@ -158,6 +158,10 @@ def of_flight(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
         return [*found, *of_battery(e)]
     trim = {"efficiency": SPREAD.rotor_trim}
     found += [Deviation(WeakRotor, trim, {"rotor": i}) for i in ROTORS]
+    if e.earlier:
+        # How much of the torque the motion shows goes with noise and liveliness of the flight, so
+        # that it does not tell how torque has changed since.
+        found.append(Deviation(MixerGain, dict.fromkeys(AXES, SPREAD.torque_share)))
     known = {"scale": SPREAD.known_charge}, {"rate": SPREAD.known_sag}
     return found + (
         of_battery(e) or [Deviation(*pair) for pair in zip(BATTERY, known, strict=True)]

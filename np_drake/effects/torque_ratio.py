@@ -25,6 +25,7 @@ class TorqueRatio(WrenchEffect):
     shares = True
     pushes = False
     begins = False
+    widens = False
     bench_check = "compare propellers: diameter, pitch, blades"
     excited_by = "yaw doublets"
     requires = ("torque",)
