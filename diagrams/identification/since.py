@@ -103,8 +103,8 @@ KINDS = (*CHANGES, "thrust")
 
 
 def with_file(truth: Truth, file: str) -> Truth:
-    """Return the vehicle with its file: `described`, from which it differs by drag and by the map of
-    its throttle alone; or `rough`, of geometry and mass, from which it differs as vehicles do.
+    """Return the vehicle with its file: `described`, from which it differs by drag and its throttle
+    alone; or `rough`, of geometry and mass, from which it differs as vehicles do.
     """
     if file == "rough":
         return dc.replace(truth, known=dc.replace(truth.known, command_timing="unknown"))
@@ -154,7 +154,7 @@ def _scattered(
 
 
 def diagnosed(case: Case, *, seconds: float) -> dict[str, Any]:
-    """Fly a case {"seed", "kind", "file"} and return what changed and what the diagnosis says of it.
+    """Fly a case {"seed", "kind", "file"} and return what changed and what the diagnosis says.
 
     Raises: FailedRun: if no vehicle of this seed can be flown.
     """
@@ -183,9 +183,7 @@ def verdict(found: Diagnosis, change: Change) -> dict[str, Any]:
 
 
 def table_rows(results: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """Return a row for every kind of change: cases, and by vehicle file right names, and right names
-    and sizes.
-    """
+    """Return a row for every kind of change: cases, and by vehicle file right names and sizes."""
     rows = []
     for kind in (*CHANGES, "all"):
         alike = [r for r in results if kind in (r["kind"], "all")]

@@ -19,7 +19,7 @@ from np_drake import attitude
 from np_drake.diagnosis.deviation import ROTORS, Deviation, columns_of, file_deviations
 from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import SPREAD, SURE, Priors, Tolerance
+from np_drake.diagnosis.options import FREEDOM, SPREAD, SURE, Priors, Tolerance
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
 from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
@@ -175,16 +175,20 @@ def of_battery(e: FlightResiduals) -> list[Deviation]:
     if e.log.input != "normalised":
         return []
     volts, charge, sag = voltage_of(e.log), SPREAD.unknown_charge, SPREAD.sag
-    known = e.log.throttle_map
+    known, away = e.log.throttle_map, 0.0
     if volts is not None and not (isinstance(known, PowerMap) and known.volts is None):
         # The power of a voltage that falls is known to a third: thrust falls by so much more or
         # less. So it does with another battery.
         fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
         usual = known.volts if isinstance(known, PowerMap) else float(np.median(volts))
         away = VOLTAGE_SCATTER * float(np.log(np.median(volts) / usual))
-        charge = float(np.hypot(SPREAD.charge, away))
-        sag = float(np.hypot(SPREAD.known_sag, fall))
-    return [Deviation(BATTERY[0], {"scale": charge}), Deviation(BATTERY[1], {"rate": sag})]
+        charge, sag = SPREAD.charge, float(np.hypot(SPREAD.known_sag, fall))
+    if isinstance(known, PowerMap):
+        # Flights that agree tell that thrust over throttle scatters less: inverse gamma.
+        squares = FREEDOM * charge**2 + known.scatter
+        charge = float(np.sqrt(squares / (FREEDOM + known.freedom)))
+    scale = float(np.hypot(charge, away))
+    return [Deviation(BATTERY[0], {"scale": scale}), Deviation(BATTERY[1], {"rate": sag})]
 
 
 # Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the

@@ -235,6 +235,7 @@ class Spread:
 
 
 SPREAD = Spread()
+FREEDOM = 2.0  # degrees of freedom of the prior of a variance between flights; own choice
 
 
 @dc.dataclass(frozen=True)

@@ -330,10 +330,8 @@ def _unchanged(c: Candidate) -> bool:
     """Return whether an effect is no change since earlier flights: clocks, sensors and the share of
     torque that acts are of each flight anew, and how a vehicle is made is of all.
     """
-    effects = [effect_of(name) for name in c.identifiers]
-    made = all(effect.constant for effect in effects)
-    changes = c.identifiers in WEIGHTS or all(effect.role == "change" for effect in effects)
-    return made or (c.calibrated and not changes)
+    made = all(effect_of(name).constant for name in c.identifiers)
+    return made or (c.calibrated and c.identifiers not in WEIGHTS)
 
 
 def new_conditions(problem: RegressionProblem) -> list[Candidate]:
@@ -347,16 +345,14 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
     plain = [c for c in problem.candidates if len(c.identifiers) == 1 and not c.onset]
     known = [(c, effect_of(c.identifiers[0])) for c in plain if not c.generic]
     begin = [c for c, effect in known if effect.begins and not effect.has_hidden_state]
-    changes = [c for c, effect in known if effect.role == "change"]
+    changes = [c for c in begin if not _unchanged(c)]
+    changes += [c for c, effect in known if effect.role == "change"]
     earlier = [e.name for e in flights if e.earlier]
     for names in ([e.name for e in flights if not e.goes_on], earlier):
         if not names or len(names) == len(flights):
             continue
         lacking: dict[str, float | None] = dict.fromkeys(names, NEVER)
-        if names == earlier:
-            begun = [c for c in (*begin, *changes) if not _unchanged(c)]
-        else:
-            begun = begin
+        begun = changes if names == earlier else begin
         late = [switched(c, flights, lacking) for c in begun]
         late += wind_candidates(flights, begin, lacking)
         prior = problem.options.priors.onset * len(lacking) if names != earlier else 0.0
