@@ -196,7 +196,7 @@ def table_rows(results: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
 def run(
     run: Run,
     pairs: Annotated[int, Option(min=1, max=1000, help="Vehicles; the change in turn.")] = 24,
-    seconds: Annotated[float, Option(min=10.0, max=600.0, help="Length of a flight [s].")] = 20.0,
+    seconds: Annotated[float, Option(min=10.0, max=600.0, help="Length of a flight [s].")] = 12.0,
 ) -> Report:
     """Simulated vehicles changed between flights, diagnosed from throttle logs. --out DIR: cases to
     resume from.

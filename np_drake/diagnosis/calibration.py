@@ -159,9 +159,11 @@ def of_flight(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
     trim = {"efficiency": SPREAD.rotor_trim}
     found += [Deviation(WeakRotor, trim, {"rotor": i}) for i in ROTORS]
     if e.earlier:
-        # How much of the torque the motion shows goes with noise and liveliness of the flight, so
-        # that it does not tell how torque has changed since.
-        found.append(Deviation(MixerGain, dict.fromkeys(AXES, SPREAD.torque_share)))
+        # How much of the torque the motion hides goes with noise and liveliness of the flight: a
+        # change since is told by what it shows.
+        hidden = {axis: 1.0 - gain for axis, gain in zip(AXES, e.torque_gain, strict=True)}
+        share = {axis: SPREAD.torque_share * part for axis, part in hidden.items() if part > 0}
+        found += [Deviation(MixerGain, share)] if share else []
     known = {"scale": SPREAD.known_charge}, {"rate": SPREAD.known_sag}
     return found + (
         of_battery(e) or [Deviation(*pair) for pair in zip(BATTERY, known, strict=True)]
