@@ -80,6 +80,9 @@ STUDIES = {
     "identification": Study(
         "identification.simulated", "Simulated vehicles identified from their logs.", 5800
     ),
+    "since": Study(
+        "identification.since", "Simulated vehicles changed between flights, diagnosed.", 6900
+    ),
     "coverage": Study("certify.coverage", "Certificates of simulated vehicles, flown.", 7800),
 }
 

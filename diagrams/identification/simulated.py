@@ -63,7 +63,7 @@ class Truth:
     throttle: its map.
     imu: (3,) the accelerometer from Bo [m]. drag, flapping, lift: of the air.
     input: what its logs hold. known: what its owner knows: geometry and mass, with guesses for the
-        rest.
+        rest. cells: of its battery, over the usual number [1].
     """
 
     vehicle: Vehicle
@@ -74,6 +74,7 @@ class Truth:
     lift: TranslationalLift
     input: str
     known: Vehicle
+    cells: float = 1.0
 
     def quantities(self, volts: float = 0.0) -> dict[str, float]:
         """Return the true values by the names of `np_drake.identification.quantities`.
@@ -253,7 +254,7 @@ def _as_logged(
         return dc.replace(log, input="rotor_speed")
     if truth.input == "command":
         return dc.replace(log, rotor=None)
-    sagging = np.linspace(4.0, 3.5, len(log)) + 0.02 * rng.normal()
+    sagging = truth.cells * (np.linspace(4.0, 3.5, len(log)) + 0.02 * rng.normal())
     wanted = np.maximum(log.u @ v.unmixer.T, 0.0)
     throttle = truth.throttle.throttle(wanted, sagging[:, None])
     return dc.replace(log, rotor=None, throttle=throttle, voltage=sagging, input="normalised")

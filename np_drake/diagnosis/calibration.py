@@ -19,7 +19,7 @@ from np_drake import attitude
 from np_drake.diagnosis.deviation import ROTORS, Deviation, columns_of, file_deviations
 from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import SPREAD, SURE, Priors, Tolerance
+from np_drake.diagnosis.options import FREEDOM, SPREAD, SURE, Priors, Tolerance
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
 from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
@@ -48,8 +48,9 @@ from np_drake.effects import (
 )
 from np_drake.effects.base import ActuatorEffect, Effect, Parameter, SensorEffect, arm, departure
 from np_drake.effects.calibration import in_flight
+from np_drake.effects.library import CHANGES
 from np_drake.files.number_text import number
-from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
+from np_drake.logs.inputs import VOLTAGE_SCATTER, PowerMap, hover_exponent, voltage_of
 from np_drake.logs.rotors import named_rotors
 from np_drake.rigid_body import V
 from np_drake.vehicle.published import published_priors
@@ -128,12 +129,14 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
 
 def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
     """Return the effects that are calibration whatever their size, and causes only where they begin
-    in flight.
+    in flight or since flights before.
 
-    A mass, where the scale of a throttle's map takes its place; of an unmeasured vehicle sensors,
-    torque gains, inertia and times of commands.
+    What propellers are like; mass and thrust, where the scale of a throttle's map takes their
+    place; of an unmeasured vehicle sensors, torque gains, inertia and times of commands.
     """
-    alone = {MassError} if e.log.input == "normalised" else set[type[Effect]]()
+    alone = set(CHANGES.values())
+    if e.log.input == "normalised":
+        alone |= {MassError, ThrustScale}
     if tolerance.unmeasured:
         every = [d.effect for d in (*of_vehicle(e, tolerance), *of_flight(e, tolerance))]
         sensors = [f for f in every if f.place == "measurement" or f.role == "mixer"]
@@ -157,6 +160,12 @@ def of_flight(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
         return [*found, *of_battery(e)]
     trim = {"efficiency": SPREAD.rotor_trim}
     found += [Deviation(WeakRotor, trim, {"rotor": i}) for i in ROTORS]
+    if e.earlier:
+        # How much of the torque the motion hides goes with noise and liveliness of the flight: a
+        # change since is told by what it shows.
+        hidden = {axis: 1.0 - gain for axis, gain in zip(AXES, e.torque_gain, strict=True)}
+        share = {axis: SPREAD.torque_share * part for axis, part in hidden.items() if part > 0}
+        found += [Deviation(MixerGain, share)] if share else []
     known = {"scale": SPREAD.known_charge}, {"rate": SPREAD.known_sag}
     return found + (
         of_battery(e) or [Deviation(*pair) for pair in zip(BATTERY, known, strict=True)]
@@ -170,12 +179,20 @@ def of_battery(e: FlightResiduals) -> list[Deviation]:
     if e.log.input != "normalised":
         return []
     volts, charge, sag = voltage_of(e.log), SPREAD.unknown_charge, SPREAD.sag
-    if volts is not None:
+    known, away = e.log.throttle_map, 0.0
+    if volts is not None and not (isinstance(known, PowerMap) and known.volts is None):
         # The power of a voltage that falls is known to a third: thrust falls by so much more or
-        # less.
+        # less. So it does with another battery.
         fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
+        usual = known.volts if isinstance(known, PowerMap) else float(np.median(volts))
+        away = VOLTAGE_SCATTER * float(np.log(np.median(volts) / usual))
         charge, sag = SPREAD.charge, float(np.hypot(SPREAD.known_sag, fall))
-    return [Deviation(BATTERY[0], {"scale": charge}), Deviation(BATTERY[1], {"rate": sag})]
+    if isinstance(known, PowerMap):
+        # Flights that agree tell that thrust over throttle scatters less: inverse gamma.
+        squares = FREEDOM * charge**2 + known.scatter
+        charge = float(np.sqrt(squares / (FREEDOM + known.freedom)))
+    scale = float(np.hypot(charge, away))
+    return [Deviation(BATTERY[0], {"scale": scale}), Deviation(BATTERY[1], {"rate": sag})]
 
 
 # Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the
@@ -397,12 +414,14 @@ def healthy_spread(
     found = dict[str, tuple[float, float]]()
     stated = [d for d in file_deviations(e.vehicle, tolerance) if d.stated]
     vehicle = [*of_vehicle(e, tolerance), *stated] if not changed else []
-    for d in (*vehicle, *(of_flight(e, tolerance) if tolerance.unmeasured else [])):
+    # Since flights before, thrust over throttle of a described vehicle differs by its battery too.
+    flight = of_flight(e, tolerance) if tolerance.unmeasured else of_battery(e)
+    for d in (*vehicle, *flight):
         if d.is_of(effect) and not d.at_value:
             for p in (p for p in effect.parameters if p.name in d.deviation):
                 _, known = found.get(p.name, (0.0, 0.0))
                 found[p.name] = d.usual(p), math.hypot(known, d.deviation[p.name])
-    if tolerance.unmeasured and isinstance(effect, MassError):
+    if (tolerance.unmeasured or changed) and isinstance(effect, MassError):
         # Thrust over throttle takes its place.
         for d in (d for d in of_battery(e) if d.effect is ThrustScale):
             found["delta_mass"] = 0.0, d.deviation["scale"] * e.vehicle.mass
@@ -433,7 +452,9 @@ def differences(
         sigma = float(np.sqrt(fit.covariance[k, k]))
         p = next(p for p in effect.parameters if p.name == f.name)
         if isinstance(effect, ThrottleCurve):
-            found.append(_throttle_map(d, p, hover_exponent(vehicle), effect.curve, sigma))
+            known = flights[0].log.throttle_map
+            usual = known.exponent if isinstance(known, PowerMap) else hover_exponent(vehicle)
+            found.append(_throttle_map(d, p, usual, effect.curve, sigma))
         elif tolerance.unmeasured or vehicle.measured or d.stated:
             found.append(_difference(d, p, getattr(effect, f.name) - f.neutral, sigma, rotors))
     if tolerance.unmeasured:

@@ -53,7 +53,7 @@ from np_drake.diagnosis.gap import (
 )
 from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gusts
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
-from np_drake.diagnosis.options import Options, Tolerance
+from np_drake.diagnosis.options import SPREAD, Options, Tolerance
 from np_drake.diagnosis.regressors import tolerance_of, with_input
 from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.report.words import headline
@@ -79,10 +79,10 @@ from np_drake.diagnosis.rotor_balance import compare_balance
 from np_drake.diagnosis.selection import Ranking, find_map_model, rank_models
 from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
-from np_drake.files.number_text import number
+from np_drake.files.number_text import NBSP, number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import said_of_bridged
-from np_drake.logs.inputs import with_hover_thrust, with_throttle_map
+from np_drake.logs.inputs import VOLTAGE, usual_voltage, with_hover_thrust, with_throttle_map
 from np_drake.logs.opening import with_neighbours
 from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
@@ -278,7 +278,8 @@ def diagnose(
     # there.
     train, file = [*before, *train], vehicle
     known = len(before) or len(train)
-    mapped = with_throttle_map(vehicle, train[:known], [*train[known:], *held_out])
+    since = [*train[known:], *held_out]
+    mapped = with_throttle_map(vehicle, train[:known], since, before=bool(before))
     vehicle, was, since = with_hover_thrust(vehicle, *mapped)
     train, held_out = [*was, *since][: len(train)], [*was, *since][len(train) :]
     if vehicle is not file:
@@ -310,6 +311,7 @@ def diagnose(
     tell(0.6, "how far")
     answer = _answer(inference, replay, doubted)
     said = (*said_of_bridged([*train, *held_out]), *short, *unread)
+    said += voltage_change(train[: len(before)], [*train[len(before) :], *held_out])
     answer = dc.replace(answer, new_on_held_out=novel, warnings=(*answer.warnings, *said))
 
     # 5. Where held-out flights show more, the same again with their first halves: a second answer.
@@ -323,6 +325,17 @@ def diagnose(
         refit = _answer(conclude(found, judges), replay, doubted, halves)
         answer = dc.replace(answer, refit=dc.replace(refit, wall=time.perf_counter() - start))
     return dc.replace(answer, wall=time.perf_counter() - start)
+
+
+def voltage_change(before: Sequence[FlightLog], since: Sequence[FlightLog]) -> tuple[str, ...]:
+    """Return the battery's voltage before and since as a sentence, where thrust differs by it as
+    much as by its charge; else none.
+    """
+    was, now = usual_voltage(before), usual_voltage(since)
+    if was is None or now is None or VOLTAGE * abs(np.log(now / was)) < SPREAD.charge:
+        return ()
+    volts = [f"{number(value, 3)}{NBSP}V" for value in (was, now)]
+    return (f"battery: {volts[0]} in the flights before, {volts[1]} since",)
 
 
 def novelty(found: Inference) -> tuple[Finding, ...]:

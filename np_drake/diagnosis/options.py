@@ -216,6 +216,7 @@ class Spread:
     gyro: float = 0.02  # bias [rad/s]
     velocity: float = 0.02  # bias [m/s]
     accelerometer: float = 0.1  # bias [m/s²]
+    torque_share: float = 0.5  # share of torque that motion hides, over its mean [1]
     rotor_trim: float = 0.015  # thrust of one rotor, as a battery moves the centre of mass [1]
     charge: float = 0.03  # thrust over throttle and voltage [1]
     # Thrust over throttle, the voltage not known [1]; source: a cell at 3.6 to 4.1 V, thrust with
@@ -234,6 +235,7 @@ class Spread:
 
 
 SPREAD = Spread()
+FREEDOM = 2.0  # degrees of freedom of the prior of a variance between flights; own choice
 
 
 @dc.dataclass(frozen=True)

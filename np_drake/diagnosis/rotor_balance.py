@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import scipy
 
-from np_drake.diagnosis.options import SPREAD, SURE, Options
+from np_drake.diagnosis.options import FREEDOM, SPREAD, SURE, Options
 from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.effects.base import arm
 from np_drake.effects.weak_rotor import WeakRotor
@@ -29,7 +29,6 @@ from np_drake.vehicle import Vehicle
 BLOCK = 1.0  # over which inputs are averaged [s]
 LEAST_SHARE = 0.1  # of all rotors, below which one does not fly [1]; own choice
 LEAST_BLOCKS = 5  # of a flight that tells a balance; own choice
-FREEDOM = 2.0  # degrees of freedom of the prior of the variance between flights; own choice
 LOSS = 0.2  # deviation of the thrust that a rotor lost [1]; own choice: a cut or chipped blade
 # Deviation of torque over thrust of a damaged rotor [1]; source: it goes with the radius.
 TORQUE_RATIO = 0.15

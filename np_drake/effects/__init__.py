@@ -31,6 +31,7 @@ _FILES = (  # in the order of the search; each holds the class that is named as 
     "attitude_bias",
     "clock_offset",
     "mixer_gain",
+    "torque_ratio",
     "thrust_ceiling",
     "battery_sag",
     "throttle_curve",

@@ -130,8 +130,8 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]]
     # cause: the diagnosis searches it.   mixer: only on logs of measured rotor speed, where a
     # command's mixer is known. neighbour: only on logs beside which that of a vehicle nearby is
-    # given. simulated: in scenarios alone.   nuisance: an error of file or input that every model
-    # holds, never a cause.
+    # given. change: only since flights before. simulated: in scenarios alone.   nuisance: an error
+    # of file or input that every model holds, never a cause.
     role: ClassVar[str] = "cause"
 
     # Its mathematics.

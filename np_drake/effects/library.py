@@ -20,6 +20,7 @@ def _with_role(role: str) -> dict[str, type[Effect]]:
 LIBRARY = _with_role("cause")
 MEASURED_ROTORS = _with_role("mixer")
 BESIDE_NEIGHBOURS = _with_role("neighbour")
+CHANGES = _with_role("change")
 SIMULATED = _with_role("simulated")
 NUISANCES = _with_role("nuisance")
 
@@ -31,25 +32,29 @@ def in_scenarios() -> dict[str, type[Effect]]:
 
 def causes() -> dict[str, type[Effect]]:
     """Return the effects that a diagnosis may name, of any logs."""
-    return LIBRARY | MEASURED_ROTORS | BESIDE_NEIGHBOURS
+    return LIBRARY | MEASURED_ROTORS | BESIDE_NEIGHBOURS | CHANGES
 
 
-def effects_for(log_input: str, *, neighbours: bool = False) -> dict[str, type[Effect]]:
+def effects_for(
+    log_input: str, *, neighbours: bool = False, before: bool = False
+) -> dict[str, type[Effect]]:
     """Return the effects that are tried on logs.
 
     Args:
         log_input: as `FlightLog.input`.
         neighbours: whether a log of a vehicle nearby is given.
+        before: whether flights of the vehicle from before a change are given.
     """
     found = LIBRARY | MEASURED_ROTORS if log_input == "rotor_speed" else LIBRARY
-    return found | BESIDE_NEIGHBOURS if neighbours else found
+    found = found | BESIDE_NEIGHBOURS if neighbours else found
+    return found | CHANGES if before else found
 
 
 def effect_of(identifier: str) -> type[Effect]:
     """Return the class of an effect; for what is none, as a structure `unknown:…`, the defaults of
     all effects.
     """
-    for known in (LIBRARY, MEASURED_ROTORS, BESIDE_NEIGHBOURS, SIMULATED, NUISANCES):
+    for known in (causes(), SIMULATED, NUISANCES):
         if identifier in known:
             return known[identifier]
     return Effect

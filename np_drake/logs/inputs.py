@@ -39,19 +39,31 @@ def with_throttle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
 
 
 def with_throttle_map(
-    vehicle: Vehicle, train: Sequence[FlightLog], held_out: Sequence[FlightLog]
+    vehicle: Vehicle,
+    train: Sequence[FlightLog],
+    held_out: Sequence[FlightLog],
+    *,
+    before: bool = False,
 ) -> tuple[list[FlightLog], list[FlightLog]]:
     """Return the flights with thrust from throttle by one map, a property of the vehicle.
 
     It is the vehicle file's, else one of the usual exponent with which the training flights carry
     the vehicle file's weight: scale and exponent are then to be fitted together with all that hangs
     below or drags. Flights with another input are as they were.
+
+    Args:
+        before: whether the training flights are from before a change, with nothing below: their
+            lift then tells the exponent, and all flights tell how much thrust over throttle
+            scatters between those before and between those since.
     Raises: LogError: if a throttle never carries the vehicle.
     """
     told = [log for log in train if _has_throttle(log)]
     if not told:
         return list(train), list(held_out)
-    known = _map_of(vehicle, told, [log for log in held_out if _has_throttle(log)], exponent=USUAL)
+    others = [log for log in held_out if _has_throttle(log)]
+    known = _map_of(vehicle, told, others, exponent=None if before else USUAL)
+    if before and isinstance(known, PowerMap):
+        known = _with_scatter(known, (told, others), vehicle.gravity)
 
     def mapped(log: FlightLog) -> FlightLog:
         return _mapped(log, vehicle, known) if _has_throttle(log) else log
@@ -75,7 +87,7 @@ def _has_throttle(log: FlightLog) -> bool:
 
 
 @dc.dataclass(frozen=True)
-class _PowerMap:
+class PowerMap:
     """Thrust of a rotor over that of hover: (throttle / hover)^exponent (V / volts)^`VOLTAGE`; no
     volts, no V.
     """
@@ -84,6 +96,10 @@ class _PowerMap:
     hover: float  # [1]
     exponent: float  # [1]
     volts: float | None  # [V]
+    # Squares of the scatter of log thrust between flights that should agree, and their number less
+    # that of the means [1].
+    scatter: float = 0.0
+    freedom: int = 0
 
     def thrust(self, throttle: np.ndarray, voltage: np.ndarray | None) -> np.ndarray:
         """Return the thrust (n, k) of rotors [N], of their throttle (n, k) and the battery's
@@ -99,7 +115,7 @@ def _map_of(
     others: Sequence[FlightLog] = (),
     *,
     exponent: float | None = None,
-) -> ThrottleMap | _PowerMap:
+) -> ThrottleMap | PowerMap:
     """Return the vehicle file's map, else that with which the flights carry its weight.
 
     With voltage, if they and `others` all know it.
@@ -107,15 +123,27 @@ def _map_of(
     """
     if vehicle.throttle is not None:
         return vehicle.throttle
-    known = all(voltage_of(log) is not None for log in (*flights, *others))
-    volts = float(np.median(np.concatenate([log.voltage for log in flights]))) if known else None
+    volts = usual_voltage(flights) if usual_voltage(others or flights) else None
     seen = [_lifted(log, vehicle.gravity, volts) for log in flights]
     exponent = _fitted_exponent(seen) if exponent is None else exponent
     hover = float(np.median([own.scale(exponent) for own in seen])) ** (-1 / exponent)
-    return _PowerMap(0.25 * vehicle.mass * vehicle.gravity, hover, exponent, volts)
+    return PowerMap(0.25 * vehicle.mass * vehicle.gravity, hover, exponent, volts)
 
 
-def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | _PowerMap) -> FlightLog:
+def _with_scatter(
+    known: PowerMap, groups: Sequence[Sequence[FlightLog]], gravity: float
+) -> PowerMap:
+    """Return the map with the scatter of thrust between the flights of each group."""
+    squares, freedom = 0.0, 0
+    for flights in filter(None, groups):
+        seen = [_lifted(log, gravity, known.volts) for log in flights]
+        thrust = np.log([one.scale(known.exponent) for one in seen])
+        squares += float(np.sum(np.square(thrust - thrust.mean())))
+        freedom += len(flights) - 1
+    return dc.replace(known, scatter=squares, freedom=freedom)
+
+
+def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | PowerMap) -> FlightLog:
     """Return the log with thrust, and torque where each rotor has its throttle, by a map."""
     f = known.thrust(np.maximum(np.asarray(log.throttle), 0.0), voltage_of(log))
     u = (
@@ -129,7 +157,8 @@ def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | _PowerMap) ->
         else "a map that carries the vehicle file's weight"
     )
     others = [other for other in log.notes if not other.startswith(NOTE)]
-    return dc.replace(log, u=u, input="normalised", notes=[*others, f"{NOTE} by {whose}"])
+    notes = [*others, f"{NOTE} by {whose}"]
+    return dc.replace(log, u=u, input="normalised", throttle_map=known, notes=notes)
 
 
 def voltage_of(log: FlightLog) -> np.ndarray | None:
@@ -141,6 +170,12 @@ def voltage_of(log: FlightLog) -> np.ndarray | None:
     usual = float(np.median(log.voltage))
     near = usual > 0 and bool(np.all(np.abs(log.voltage - usual) < BELIEVED * usual))
     return log.voltage[:, None] if near else None
+
+
+def usual_voltage(flights: Sequence[FlightLog]) -> float | None:
+    """Return the median voltage of the battery in flights [V]; None where one does not know it."""
+    known = [volts for volts in map(voltage_of, flights) if volts is not None]
+    return float(np.median(np.concatenate(known))) if len(known) == len(flights) > 0 else None
 
 
 def lift_fit(flights: Sequence[FlightLog]) -> tuple[float, float, float]:

@@ -212,17 +212,19 @@ def _finding(
 
 
 def equivalents(problem: RegressionProblem, model: Model) -> dict[str, tuple[str, ...]]:
-    """Return by effect of the model those that explain the logs as well in its place.
+    """Return by effect of the model those that explain the logs as well in its place, and better
+    than nothing there.
 
     The best `MOST_ALTERNATIVES`, the best first.
     """
-    least = model.score - problem.options.thresholds.indistinguishable_evidence
+    close = model.score - problem.options.thresholds.indistinguishable_evidence
     out: dict[str, tuple[str, ...]] = {}
     for i in model.members:
         own = problem.candidates[i]
         if own.generic:
             continue
         rest = tuple(j for j in model.members if j != i)
+        least = max(close, problem.score(rest))
         found: dict[str, float] = {}
         for k, other in enumerate(problem.candidates):
             shared = set(other.identifiers) & set(own.identifiers)
@@ -407,7 +409,7 @@ def probably_material(ranking: Ranking, i: int, size: Size) -> float:
     if options.within_timing(effect, flights[0].vehicle):
         return 0.0
     posterior, changed = SizePosterior(fit, i, flights), has_changed(ranking, i)
-    spread = healthy_spread(effect, flights[0], options.tolerance, changed=changed)
+    spread = healthy_spread(effect, flights[-1], options.tolerance, changed=changed)
     outside = (
         posterior.material(size, options),
         posterior.beyond(spread),

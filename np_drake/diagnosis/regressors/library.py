@@ -94,14 +94,17 @@ def library_candidates(
     """
     found: list[Candidate] = []
     stages: dict[str, Stages] = {e.name: {} for e in flights}
-    # A load that is taken up in flight shows, however heavy the vehicle was before.
+    before = any(e.earlier for e in flights)
+    # A load that is taken up in flight shows, however heavy the vehicle was before; and thrust over
+    # throttle, beside that of flights before.
     hidden = {
         name
         for name, why in hidden_from(flights).items()
-        if why != THRUST or not effect_of(name).sudden
+        if why != THRUST or not (before or effect_of(name).sudden)
     }
     beside = any(e.log.neighbours for e in flights)
-    for identifier, effect in effects_for(flights[0].log.input, neighbours=beside).items():
+    tried = effects_for(flights[0].log.input, neighbours=beside, before=before)
+    for identifier, effect in tried.items():
         elsewhere = effect.needs or effect.has_hidden_state
         if not elsewhere and identifier not in hidden and (effect.begins or not onset):
             found += _effect_candidates(effect, flights, onset or {}, stages)

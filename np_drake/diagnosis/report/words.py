@@ -281,7 +281,7 @@ def headline(diagnosis: Diagnosis) -> str:
         if not causes:
             would = f"{seen(diagnosis)} would"
             return f"Nothing changed {since} that these flights would show: {would}{left_over}"
-        named = [changed(c) for c in causes[:MOST_NAMED]]
+        named = [changed(c) + _or_else(c) for c in causes[:MOST_NAMED]]
         named += [f"{len(causes) - len(named)} more"] * (len(causes) > len(named))
         # What the balance of rotors alone tells explains nothing of the gap.
         acts = reduction.material and any(np.isfinite(c.held_out_gain) for c in causes)
@@ -299,6 +299,12 @@ def headline(diagnosis: Diagnosis) -> str:
         return f"No effect explains what is left on {judges} ({sure}): {sizes}"
     calibrated = "with calibration, " if diagnosis.calibration else ""
     return f"Nothing material is missing: {calibrated}the remainder on {judges} is {sizes}"
+
+
+def _or_else(cause: Cause) -> str:
+    """Return what else may be the cause; empty where the flights tell it."""
+    others = [name_of(name) for name in cause.indistinguishable_from]
+    return f" or {listed(others, 'or')}, which these flights do not tell apart" if others else ""
 
 
 def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:

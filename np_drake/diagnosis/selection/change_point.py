@@ -33,7 +33,7 @@ from np_drake.diagnosis.selection.payload_search import (
     PayloadSearch,
     payload_about,
 )
-from np_drake.effects.library import LIBRARY, effect_of
+from np_drake.effects.library import effect_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 
@@ -561,16 +561,17 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
     """
     found, flights = list[Candidate](), problem.flights
     plain = [c for c in problem.candidates if len(c.identifiers) == 1 and not c.onset]
-    known = [(c, LIBRARY[c.identifiers[0]]) for c in plain if c.identifiers[0] in LIBRARY]
+    known = [(c, effect_of(c.identifiers[0])) for c in plain if not c.generic]
     begin = [c for c, effect in known if effect.begins and not effect.has_hidden_state]
+    changes = [c for c in begin if not _unchanged(c)]
+    changes += [c for c, effect in known if effect.role == "change"]
     earlier = [e.name for e in flights if e.earlier]
     for names in ([e.name for e in flights if not e.goes_on], earlier):
         if not names or len(names) == len(flights):
             continue
         lacking: dict[str, float | None] = dict.fromkeys(names, NEVER)
-        late = [
-            switched(c, flights, lacking) for c in begin if not (names == earlier and _unchanged(c))
-        ]
+        begun = changes if names == earlier else begin
+        late = [switched(c, flights, lacking) for c in begun]
         late += wind_candidates(flights, begin, lacking)
         prior = problem.options.priors.onset * len(lacking) if names != earlier else 0.0
         found += [dc.replace(c, onset_prior=prior) for c in late]

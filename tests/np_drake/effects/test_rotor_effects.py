@@ -9,6 +9,7 @@ from np_drake.effects.mixer_gain import MixerGain
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.thrust_drift import ThrustDrift
+from np_drake.effects.torque_ratio import TorqueRatio
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
@@ -45,6 +46,8 @@ def test_a_mixer_gain_scales_the_torque_of_the_rotors_axis_by_axis(motion: Motio
     np.testing.assert_array_equal(found[:, :3], 0.0)
     np.testing.assert_allclose(found[:, 3:], torque[:, 1:] * [-0.5, -0.2, 0.0], atol=1e-12)
     np.testing.assert_array_equal(MixerGain.neutral().wrench(VEHICLE, motion), 0.0)
+    about_z = MixerGain(1.0, 1.0, 1.3).wrench(VEHICLE, motion)
+    np.testing.assert_allclose(TorqueRatio(1.3).wrench(VEHICLE, motion), about_z, atol=1e-12)
 
 
 def steps(seed, n=30):

@@ -66,6 +66,16 @@ def test_one_vehicle_has_one_map_which_carries_its_weight_in_training():
     assert hovers[0] == pytest.approx(0.525, rel=0.01)  # the middle of the training flights
 
 
+def test_flights_before_a_change_tell_the_exponent_and_how_thrust_scatters():
+    before = [bobbing(0.4, hover, seed, 2.0) for seed, hover in enumerate((0.5, 0.5))]
+    (log, _), _ = with_throttle_map(VEHICLE, before, [bobbing(0.4, 0.45, 2, 2.0)], before=True)
+    assert log.throttle_map.exponent == pytest.approx(2.0, rel=0.02)  # of the noise
+    assert (log.throttle_map.freedom, log.throttle_map.scatter < 1e-4) == (1, True)
+    twice = [before[0], dc.replace(before[1], throttle=1.05 * before[1].throttle)]
+    (log, _), _ = with_throttle_map(VEHICLE, twice, [], before=True)
+    assert log.throttle_map.scatter == pytest.approx(0.5 * (2 * np.log(1.05)) ** 2, rel=0.1)
+
+
 def test_a_battery_that_falls_is_the_voltage_and_no_other_map():
     full, empty = (
         dc.replace(bobbing(0.2, 0.5, 0), voltage=np.full(2000, volts)) for volts in (16.0, 14.4)

@@ -3,6 +3,7 @@
 import dataclasses as dc
 from functools import cache
 
+import numpy as np
 import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
@@ -11,7 +12,10 @@ from np_drake.diagnosis.report.words import headline, lead
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.effects.torque_ratio import TorqueRatio
 from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.logs.inputs import VOLTAGE
 from np_drake.vehicle import Vehicle
 
 UNMEASURED = Vehicle(command_timing="unknown")
@@ -56,6 +60,7 @@ def test_what_was_there_before_has_not_changed(since):
             "rear left rotor (rotor 4 of the vehicle file): thrust −15 %",
         ),
         (SuspendedPayload(0.1, length=0.8), "mass", "a 100 g payload on 0.79"),
+        (TorqueRatio(1.35), "ratio", "torque over thrust +3"),
     ],
 )
 def test_what_changed_is_named_with_its_size(since, change, parameter, says):
@@ -68,6 +73,34 @@ def test_what_changed_is_named_with_its_size(since, change, parameter, says):
     assert said.startswith(f"Changed since the flights before: {says}")
     assert all(name.startswith("after") for name in cause.onset)
     assert "there already before: linear drag" in lead(found)
+
+
+def by_throttle(log, cells):
+    """Return the log with the throttle of each rotor, and a battery of more cells than usual."""
+    volts = np.full(len(log), 3.8 * cells)
+    thrust = np.maximum(log.u @ UNMEASURED.unmixer.T, 0.0)
+    throttle = np.sqrt(thrust / 20.0 / cells**VOLTAGE)
+    return dc.replace(log, throttle=throttle, voltage=volts, input="normalised")
+
+
+@pytest.mark.parametrize(
+    "change, cells, verdict", [((ThrustScale(1.25),), 1.0, ("thrust_scale",)), ((), 4 / 3, ())]
+)
+def test_stronger_rotors_are_named_by_throttle_and_another_battery_is_not(
+    fly, change, cells, verdict
+):
+    def flown(*effects, name, seed, cells):
+        own = {"noise": 1.0, "seconds": 10.0, "vehicle": UNMEASURED}
+        return by_throttle(fly(*OWN, *effects, name=name, seed=seed, **own), cells)
+
+    before = [flown(name=f"before {i}", seed=i, cells=1.0) for i in (1, 2)]
+    after = [flown(*change, name=f"after {i}", seed=i, cells=cells) for i in (3, 4, 5)]
+    found = diagnose(UNMEASURED, after[:2], after[2:], before=before, adaptive_split=False)
+    assert found.verdict == verdict
+    assert any(w.startswith("battery: 3.8") for w in found.warnings) == (cells != 1.0)
+    if change:
+        (cause,) = (c for c in found.causes if c.changed)
+        assert cause.parameters["scale"].value == pytest.approx(1.25, abs=0.05)
 
 
 def test_a_change_beyond_the_smallest_visible_is_named(since):
