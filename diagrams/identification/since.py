@@ -22,6 +22,7 @@ from np_drake.effects import (
     TranslationalLift,
     WeakRotor,
 )
+from np_drake.effects.library import effect_of
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle.vehicle import Calibration
 
@@ -171,7 +172,7 @@ def verdict(found: Diagnosis, change: Change) -> dict[str, Any]:
     named = set(causes) == set(change)
     right = named
     for effect, values in change.items() if named else ():
-        neutral = {p.name: p.neutral for p in type(causes[effect].effect).parameters}
+        neutral = {p.name: p.neutral for p in effect_of(effect).parameters}
         for name, true in values.items():
             one = causes[effect].parameters[name]
             close = abs(one.value - true) <= CLOSE * abs(true - neutral[name])
