@@ -1,17 +1,14 @@
 """In-memory flight log that every reader returns and every method takes."""
 
 import dataclasses as dc
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from np_drake.checks import require
 from np_drake.files.notebook import data_frame, html_table
 from np_drake.vehicle.rotor_layout import RotorLayout
-
-if TYPE_CHECKING:
-    from np_drake.logs.inputs import PowerMap
-    from np_drake.vehicle.vehicle import ThrottleMap
+from np_drake.vehicle.vehicle import PowerMap, ThrottleMap
 
 MOST_NOTES = 5  # that a notebook shows
 COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the file
@@ -125,7 +122,7 @@ class FlightLog:
     lacks: tuple[str, ...] = ()
     start: float = 0.0
     neighbours: tuple[Neighbour, ...] = ()
-    throttle_map: "ThrottleMap | PowerMap | None" = None
+    throttle_map: ThrottleMap | PowerMap | None = None
     notes: list[str] = dc.field(
         default_factory=list
     )  # what a reader derived, differentiated or repaired

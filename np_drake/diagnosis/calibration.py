@@ -50,11 +50,12 @@ from np_drake.effects.base import ActuatorEffect, Effect, Parameter, SensorEffec
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.library import CHANGES
 from np_drake.files.number_text import number
-from np_drake.logs.inputs import VOLTAGE_SCATTER, PowerMap, hover_exponent, voltage_of
+from np_drake.logs.inputs import hover_exponent, voltage_of
 from np_drake.logs.rotors import named_rotors
 from np_drake.rigid_body import V
 from np_drake.vehicle.published import published_priors
 from np_drake.vehicle.rotor_layout import RotorName
+from np_drake.vehicle.vehicle import VOLTAGE_SCATTER, PowerMap
 
 AXES, BATTERY = ("roll", "pitch", "yaw"), (ThrustScale, BatterySag)
 SENSORS = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)

@@ -82,10 +82,11 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.files.number_text import NBSP, number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import said_of_bridged
-from np_drake.logs.inputs import VOLTAGE, usual_voltage, with_hover_thrust, with_throttle_map
+from np_drake.logs.inputs import usual_voltage, with_hover_thrust, with_throttle_map
 from np_drake.logs.opening import with_neighbours
 from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.vehicle import VOLTAGE
 
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
 NO_REPLAY = (

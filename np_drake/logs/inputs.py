@@ -13,15 +13,12 @@ from np_drake.logs.errors import LogError
 from np_drake.rotor_input import with_rotor_input
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight, smoothed
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.vehicle import ThrottleMap
+from np_drake.vehicle.vehicle import VOLTAGE, PowerMap, ThrottleMap
 
 EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]
 # Prior of the exponent, mean and deviation [1]. Source: a linearised motor has 1; a propeller's
 # thrust goes with the square of its speed, and speed with voltage.
 USUAL, SCATTER = 1.5, 0.5
-# Power of a battery's voltage in thrust at a throttle, and its deviation [1]; source: prior of the
-# identification.
-VOLTAGE, VOLTAGE_SCATTER = 1.5, 0.5
 # share by which a voltage may differ from its median within a flight [1]; source: own choice
 BELIEVED = 0.3
 NOTE = "thrust from throttle"
@@ -84,29 +81,6 @@ def hover_exponent(vehicle: Vehicle) -> float:
 
 def _has_throttle(log: FlightLog) -> bool:
     return log.input == "normalised" and log.throttle is not None
-
-
-@dc.dataclass(frozen=True)
-class PowerMap:
-    """Thrust of a rotor over that of hover: (throttle / hover)^exponent (V / volts)^`VOLTAGE`; no
-    volts, no V.
-    """
-
-    thrust_at_hover: float  # [N]
-    hover: float  # [1]
-    exponent: float  # [1]
-    volts: float | None  # [V]
-    # Squares of the scatter of log thrust between flights that should agree, and their number less
-    # that of the means [1].
-    scatter: float = 0.0
-    freedom: int = 0
-
-    def thrust(self, throttle: np.ndarray, voltage: np.ndarray | None) -> np.ndarray:
-        """Return the thrust (n, k) of rotors [N], of their throttle (n, k) and the battery's
-        voltage (n, 1).
-        """
-        charge = 1.0 if voltage is None or self.volts is None else (voltage / self.volts) ** VOLTAGE
-        return self.thrust_at_hover * charge * (throttle / self.hover) ** self.exponent
 
 
 def _map_of(

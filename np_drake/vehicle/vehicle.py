@@ -66,6 +66,34 @@ ROTORS_OF_PAPER = [
 ]
 
 
+# Power of a battery's voltage in thrust at a throttle, and its deviation [1]; source: prior of the
+# identification.
+VOLTAGE, VOLTAGE_SCATTER = 1.5, 0.5
+
+
+@dc.dataclass(frozen=True)
+class PowerMap:
+    """Thrust of a rotor over that of hover: (throttle / hover)^exponent (V / volts)^`VOLTAGE`; no
+    volts, no V.
+    """
+
+    thrust_at_hover: float  # [N]
+    hover: float  # [1]
+    exponent: float  # [1]
+    volts: float | None  # [V]
+    # Squares of the scatter of log thrust between flights that should agree, and their number less
+    # that of the means [1].
+    scatter: float = 0.0
+    freedom: int = 0
+
+    def thrust(self, throttle: np.ndarray, voltage: np.ndarray | None) -> np.ndarray:
+        """Return the thrust (n, k) of rotors [N], of their throttle (n, k) and the battery's
+        voltage (n, 1).
+        """
+        charge = 1.0 if voltage is None or self.volts is None else (voltage / self.volts) ** VOLTAGE
+        return self.thrust_at_hover * charge * (throttle / self.hover) ** self.exponent
+
+
 @dc.dataclass
 class ThrottleMap:
     """Thrust of one rotor over its throttle.

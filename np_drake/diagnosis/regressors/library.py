@@ -16,7 +16,7 @@ from np_drake.diagnosis.forward_model import Stages, Term, predicted_residual
 from np_drake.diagnosis.numerics import fit_noise
 from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
 from np_drake.diagnosis.residuals import QUIET, FlightResiduals
-from np_drake.effects import ClockOffset, ConstantWind, LinearDrag, SuspendedPayload
+from np_drake.effects import ClockOffset, ConstantWind, LinearDrag, SuspendedPayload, ThrustScale
 from np_drake.effects.base import Effect, prior_root, usual_size
 from np_drake.effects.library import LIBRARY, REQUIREMENTS, effect_of, effects_for, unobservable
 
@@ -95,12 +95,13 @@ def library_candidates(
     found: list[Candidate] = []
     stages: dict[str, Stages] = {e.name: {} for e in flights}
     before = any(e.earlier for e in flights)
-    # A load that is taken up in flight shows, however heavy the vehicle was before; and thrust over
-    # throttle, beside that of flights before.
+    # A load that is taken up in flight shows, however heavy the vehicle was before; and so does
+    # thrust over throttle beside that of flights before.
+    shown = {ThrustScale.identifier} if before else set()
     hidden = {
         name
         for name, why in hidden_from(flights).items()
-        if why != THRUST or not (before or effect_of(name).sudden)
+        if why != THRUST or not (name in shown or effect_of(name).sudden)
     }
     beside = any(e.log.neighbours for e in flights)
     tried = effects_for(flights[0].log.input, neighbours=beside, before=before)

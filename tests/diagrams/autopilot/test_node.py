@@ -117,7 +117,7 @@ def test_a_short_fault_is_levelled_and_flown_on_from(kind, lasts):
     assert rail.phases == ["ready", "flying", *(["level", "flying"] if lasts > 0.1 else [])]
 
 
-def test_a_vehicle_that_the_pilot_flies_on_is_commanded_and_braked_before_it_is_flown():
+def test_a_vehicle_that_the_pilot_flies_on_is_commanded_and_braked():
     rail = Rail(hover()).advance(1.0)
     before = len(rail.sent)
     for k in range(100):

@@ -473,5 +473,5 @@ def test_a_flight_goes_on_after_a_short_fault_and_ends_with_one_that_stays(lengt
         ([(20, False, False), (12, False, True)], Phase.STOPPED),
     ],
 )
-def test_one_that_is_ready_levels_before_it_is_silent_and_is_handed_over_meanwhile(parts, phase):
+def test_one_that_is_ready_levels_before_it_is_silent(parts, phase):
     assert run([(60, True, False), *parts])[-1][2] is phase

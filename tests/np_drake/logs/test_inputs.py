@@ -9,7 +9,6 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.inputs import (
     FAR,
     USUAL,
-    VOLTAGE,
     hover_exponent,
     with_hover_thrust,
     with_throttle_input,
@@ -17,7 +16,7 @@ from np_drake.logs.inputs import (
 )
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.vehicle import ThrottleMap
+from np_drake.vehicle.vehicle import VOLTAGE, ThrottleMap
 
 VEHICLE = Vehicle()
 WEIGHT = VEHICLE.mass * VEHICLE.gravity

@@ -15,8 +15,8 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.torque_ratio import TorqueRatio
 from np_drake.effects.weak_rotor import WeakRotor
-from np_drake.logs.inputs import VOLTAGE
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.vehicle import VOLTAGE
 
 UNMEASURED = Vehicle(command_timing="unknown")
 OWN = (LinearDrag(0.3, 0.3, 0.2), WeakRotor(2.0, 0.96))  # there before, and not in the file

@@ -77,10 +77,10 @@ def test_a_probability_is_that_of_the_model_its_margin_and_its_size(judged_with)
     assert weak.reason.startswith("it does not predict: 1.8 ")
     late = dc.replace(weak, timing=0.01)
     assert "which the logs leave open by" in late.reason
-    assert module._finding(DRAG, {}, late).figures["timing"] == 0.01
+    assert module._finding(DRAG, {}, late, ()).figures["timing"] == 0.01
     worse = dc.replace(late, support=dc.replace(weak.support, held_out=np.full(4, -9.0)))
     assert worse.reason == "held-out flights are predicted better without it"
-    assert "timing" not in module._finding(DRAG, {}, worse).figures
+    assert "timing" not in module._finding(DRAG, {}, worse, ()).figures
 
 
 def cause(effect) -> Cause:
