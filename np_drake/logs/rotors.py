@@ -415,8 +415,7 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
         if not is_each(log.balance):
             raise
         # Their collective thrust is told all the same.
-        said = f"the balance of the rotors is not used: {error}"
-        notes = [*log.notes, said]
+        notes = [*log.notes, f"the balance of the rotors is not used: {error}"]
         return dc.replace(log, balance=None, layout=None, motors=(), notes=notes)
     layout, log = log.layout, dc.replace(log, layout=None)
     if order == list(range(4)):
@@ -446,9 +445,8 @@ def _described(order: RotorOrder, vehicle: Vehicle) -> str:
     above.
     """
     names = places(vehicle.rotor_positions)
-    turns = ["cw" if d > 0 else "ccw" for d in order.directions]
-    named = zip(order.rotors, turns, strict=True)
-    return ", ".join(f"{names[i]} ({turn})" for i, turn in named)
+    turns = zip(order.rotors, order.directions, strict=True)
+    return ", ".join(f"{names[i]} ({'cw' if d > 0 else 'ccw'})" for i, d in turns)
 
 
 def _figures(order: RotorOrder) -> str:

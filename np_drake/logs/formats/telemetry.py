@@ -137,8 +137,8 @@ def _frame(data: bytes, at: int) -> tuple[tuple[int, int], int, int]:
 
 def _begins(start: bytes) -> bool:
     """Return whether bytes begin with a time of receipt and a message."""
-    told = SINCE < int.from_bytes(start[:STAMP], "big") < UNTIL
-    return len(start) > STAMP and start[STAMP] in HEADS and told
+    in_time = SINCE < int.from_bytes(start[:STAMP], "big") < UNTIL
+    return in_time and len(start) > STAMP and start[STAMP] in HEADS
 
 
 def _value(message: Any, column: str) -> float:
@@ -171,9 +171,8 @@ def _contents(path: Path) -> Contents:
             continue
         _, rows = log.rows(number, [kind.instance_field, *columns])
         for instance in np.unique(rows[:, 0]):
-            own = rows[rows[:, 0] == instance, 1:]
-            moves = np.ptp(own, axis=0) > 0
-            kept = moves | (name != "SERVO_OUTPUT_RAW" or _is_ardupilot(parameters))
+            kept = np.ptp(rows[rows[:, 0] == instance, 1:], axis=0) > 0
+            kept |= name != "SERVO_OUTPUT_RAW" or _is_ardupilot(parameters)
             found[f"{name}.{instance:g}"] = tuple(np.array(columns)[kept].tolist())
     return Scanned(found, parameters, other=ulog.other_vehicle(parameters), cut=log.cut)
 
@@ -272,9 +271,8 @@ def motors(contents: Contents) -> Motors:
             names[f"ESC.{speed[1]}/RPM" if ardupilot else f"esc_status/esc[{speed[1]}].esc_rpm"] = (
                 name
             )
-    own: dict[str, tuple[str, ...]] = {}
-    for stream, _, column in (name.partition("/") for name in names):
-        own[stream] = (*own.get(stream, ()), column)
+    pairs = [tuple(name.split("/")) for name in names]
+    own = {stream: tuple(c for s, c in pairs if s == stream) for stream, _ in pairs}
     found = (dataflash if ardupilot else ulog).motors(Scanned(own, parameters))
     for source in (found.throttle, found.rotor_speed):
         source.columns = [names[column] for column in source.columns]

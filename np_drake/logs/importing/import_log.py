@@ -531,8 +531,9 @@ def _said_by(recording: Recording, origin: float, end: float) -> list[str]:
         f"{what} at {times[0]:.2f} s" + f" ({len(times)} times)" * (len(times) > 1)
         for what, times in events.items()
     ]
-    more = [f"{len(told) - MOST_SAID} more"] if len(told) > MOST_SAID else []
+    if len(told) > MOST_SAID:
+        told[MOST_SAID:] = [f"{len(told) - MOST_SAID} more"]
     axes = ", ".join("xyz"[i] for i in recording.clips)
     what = "vertical" if 2 in recording.clips else "lateral"
     said = [f"{CLIPS} along body {axes}: {what} force is unreliable"] if axes else []
-    return said + ([SAYS + "; ".join(told[:MOST_SAID] + more)] if told else [])
+    return said + ([SAYS + "; ".join(told)] if told else [])

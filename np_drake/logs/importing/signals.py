@@ -45,15 +45,17 @@ class Signal:
         """Median sampling interval [s]."""
         return float(np.median(np.diff(self.t)))
 
+    @property
+    def differs(self) -> np.ndarray:
+        """Whether a sample differs from the one before, (n,); the first does."""
+        return np.any(np.diff(self.values, axis=0, prepend=np.nan) != 0, axis=1)
+
     @cached_property
     def _new(self) -> np.ndarray:
         """Whether a sample differs from the one before, (n,); all, unless many repeat."""
-        new = np.concatenate([[True], np.any(np.diff(self.values, axis=0) != 0, axis=1)])[
-            : len(self.t)
-        ]
-        return (
-            new if LEAST_ROWS <= new.sum() <= (1 - REPEATED) * len(new) else np.ones(len(new), bool)
-        )
+        new = self.differs
+        few = LEAST_ROWS <= new.sum() <= (1 - REPEATED) * len(new)
+        return new if few else np.ones(len(new), bool)
 
     @property
     def renewal(self) -> float:
@@ -265,8 +267,9 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
         notes += _without_dropouts(signals, log_map, recording.path)
     for tick, names in ticks.items():
         head = TICKS if tick > LONG_TICK else "times are rounded to "
-        said = f"{head}{1e3 * tick:.3g} ms: {', '.join(names)}; taken as an uncertainty of time"
-        notes.append(said)
+        notes.append(
+            f"{head}{1e3 * tick:.3g} ms: {', '.join(names)}; taken as an uncertainty of time"
+        )
     return signals, notes
 
 
@@ -319,8 +322,7 @@ def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
     Raises: LogError: if there is no such column, or a stream with rows has no time at all.
     """
     streams = dict(recording.streams)
-    source = log_map.time
-    if source:
+    if source := log_map.time:
         name, column = find_column(recording.contents, source.columns[0], recording.path)
         factor = source.scale * UNITS["time"][source.unit or "s"]
         stream = streams[name]
@@ -387,13 +389,11 @@ def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) ->
     throttle or thrust takes their place. Return a line on it, or none.
     Raises: LogError: if too few are left, and nothing takes their place.
     """
-    own = signals["rotor_speed"]
+    own, level = signals["rotor_speed"], None
     name = next((name for name in ("thrust", "throttle") if name in signals), "")
-    level = None
     if name:
-        command = signals[name]
-        values = np.abs(convert_quantity(name, command.values, log_map).mean(axis=1))
-        level = np.interp(own.t, command.t, values)
+        values = convert_quantity(name, signals[name].values, log_map)
+        level = np.interp(own.t, signals[name].t, np.abs(values.mean(axis=1)))
     found, bridged, lost = without_zeros(own, level)
     rows = lost.any(axis=1)
     if name and rows.mean() > MOST_MISSING:

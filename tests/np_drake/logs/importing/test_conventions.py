@@ -212,12 +212,6 @@ def test_a_trial_gives_the_misfits_of_a_whole_conversion(sampled, conventions):
         assert dut.misfits(own) == misfits(t, convert(columns, own), everything=True)
 
 
-def test_a_drag_is_no_misfit_of_the_lift(fly):
-    log = fly(LinearDrag(0.6, 0.6, 0.3), ConstantWind(3.0, -2.0, 0.0), seed=2, noise=1.0)
-    found = misfits(log.t, {"velocity": log.v, "attitude": log.q})
-    assert max(found["lift x"], found["lift y"]) < 0.1
-
-
 def test_a_flight_that_only_pitches_leaves_four_turns(sampled, conventions):
     t, x = sampled
     x = {name: x[name] for name in ("position", "attitude", "rates")}
