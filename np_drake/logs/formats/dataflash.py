@@ -43,7 +43,6 @@ from np_drake.vehicle.rotor_layout import RotorLayout
 
 FUNCTION = re.compile(r"SERVO(\d+)_FUNCTION")
 MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # of an output: motor 1 to 8, 9 to 12
-USED = re.compile(r"SERVO\d+_FUNCTION|FRAME_(CLASS|TYPE)|MOT_PWM_(MIN|MAX)")
 FRAMES = {  # by FRAME_CLASS: kind, motors; 0: no multicopter that is read
     1: ("quad", 4),
     2: ("hexa", 6),
@@ -170,7 +169,8 @@ MOST_INSTANCES = 256  # of a message; a byte numbers them
 HEADERS = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER")  # about the log: no streams
 TIMES = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # [s]
 PARAMETERS = re.compile(
-    rf"{USED.pattern}|MOT_SPIN_(MIN|MAX)|MOT_THST_(EXPO|HOVER)|SCHED_LOOP_RATE|Q_ENABLE"
+    r"SERVO\d+_FUNCTION|FRAME_(CLASS|TYPE)|MOT_(PWM|SPIN)_(MIN|MAX)|MOT_THST_(EXPO|HOVER)"
+    r"|SCHED_LOOP_RATE|Q_ENABLE"
 )
 PRIMARY = "primary"  # in place of an instance
 LANES = {
@@ -216,21 +216,21 @@ MOST_VIBRATION = 30.0  # of VIBE [m/s²]. Source: ArduPilot, "Measuring Vibratio
 
 
 def shaken(
-    seconds: float, clips: np.ndarray, vibrations: np.ndarray, name: str
+    t: np.ndarray, clips: np.ndarray, vibrations: np.ndarray, name: str
 ) -> tuple[tuple[int, ...], list[str]]:
     """Return the axes along which an accelerometer clips, all as ArduPilot does not tell which, and
     the line on vibration, if any.
 
     Args:
-        seconds: for which it is logged [s].
+        t: (n,) times at which they are logged [s].
         clips: (n, k) counters of the samples that clip.
         vibrations: (n, 3) by axis [m/s²].
     """
-    if not len(clips):
+    if not len(t):
         return (), []
     most = float(np.max(np.ptp(clips, axis=0), initial=0.0))
     level = float(np.max(np.median(vibrations, axis=0), initial=0.0))
-    axes = (0, 1, 2) if most > FEW_CLIPS * COUNTED * seconds else ()
+    axes = (0, 1, 2) if most > FEW_CLIPS * COUNTED * np.ptp(t) else ()
     return axes, shaking(level, MOST_VIBRATION, name)
 
 
@@ -405,12 +405,9 @@ def _shaken(log: _Log) -> tuple[tuple[int, ...], list[str]]:
     if message is None or not message.time or not set(VIBRATIONS) <= set(message.numbers):
         return (), []
     counters = [name for name in message.numbers if name.startswith("Clip")]
-    numbered = [message.instance] if message.instance else []
-    rows = message.values([message.time, *VIBRATIONS, *counters, *numbered])
-    rows = rows[rows[:, -1] == 0] if numbered else rows
-    last = 4 + len(counters)
-    seconds = float(np.ptp(rows[:, 0])) * TIMES[message.time] if len(rows) else 0.0
-    return shaken(seconds, rows[:, 4:last], rows[:, 1:4], "VIBE")
+    stream = _stream(log, "VIBE.0", [*VIBRATIONS, *counters])
+    rows = np.stack([*stream.columns.values()], axis=1)
+    return shaken(stream.t, rows[:, 3:], rows[:, :3], "VIBE")
 
 
 def _stream(log: _Log, name: str, columns: list[str]) -> Stream:

@@ -247,8 +247,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     at = clock.of(np.array([t for t, _ in warned]), np.full(len(warned), np.nan))
     events = tuple((float(t), repr(text)) for t, (_, text) in zip(at, warned, strict=True))
     stamps, rows = log.rows(VIBRATION, VIBRATIONS)
-    seconds = float(np.ptp(stamps)) if len(stamps) else 0.0
-    clips, said = dataflash.shaken(seconds, rows[:, 3:], rows[:, :3], "VIBRATION")
+    clips, said = dataflash.shaken(stamps, rows[:, 3:], rows[:, :3], "VIBRATION")
     return Recording(str(path), streams, facts, notes, (*cut, *said), breaks, events, clips)
 
 

@@ -82,8 +82,12 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
         name: columns for name, columns in contents.items() if rates.get(name, np.inf) >= slowest
     }
     lifting = _lifting(parameters)
-    throttle = _motor_throttle(fast, parameters, lifting)
-    throttle = throttle or _outputs(contents, parameters, values, lifting)
+    moving = [c for c in fast.get("actuator_motors", ()) if ROTOR_COLUMN.fullmatch(c)]
+    allocated = [f"control[{n}]" for n in lifting] or moving
+    if len(allocated) in SIZES["throttle"][1:] and set(allocated) <= set(moving):
+        throttle = Source([f"actuator_motors/{c}" for c in allocated], "1")
+    else:
+        throttle = _outputs(contents, parameters, values, lifting)
     if any(column.partition("/")[0] not in fast for column in throttle.columns):
         throttle = Source()
     count = len(lifting) if lifting else len(throttle.columns)
@@ -129,14 +133,6 @@ def _lifting(parameters: Parameters) -> list[int]:
     return [n for n in range(count) if n not in tilted]
 
 
-def _motor_throttle(contents: Contents, parameters: Parameters, lifting: Sequence[int]) -> Source:
-    """Return the throttle of every motor, as it is allocated."""
-    moving = [c for c in contents.get("actuator_motors", ()) if ROTOR_COLUMN.fullmatch(c)]
-    columns = [f"control[{n}]" for n in lifting] or moving
-    whole = len(columns) in SIZES["throttle"][1:] and set(columns) <= set(moving)
-    return Source([f"actuator_motors/{c}" for c in columns] if whole else [], "1")
-
-
 def _outputs(
     contents: Contents, parameters: Parameters, values: Mapping[str, float], lifting: Sequence[int]
 ) -> Source:
@@ -148,7 +144,8 @@ def _outputs(
         for name, columns in contents.items()
         if name.partition(".")[0] == "actuator_outputs"
     }
-    used = _functions(parameters)
+    matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
+    used = {(m[1], int(m[2])): int(value) for m, value in matches if m and value}
     if used:
         motors = {f - FIRST_MOTOR: output for output, f in reversed(used.items())}
         chosen = [motors[n] for n in lifting or range(MOST_MOTORS) if n in motors]
@@ -163,12 +160,6 @@ def _outputs(
 
 
 Output = tuple[str, int]  # group of outputs, and number in it, from 1
-
-
-def _functions(parameters: Parameters) -> dict[Output, int]:
-    """Return the functions of the outputs that have one."""
-    matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
-    return {(match[1], int(match[2])): int(value) for match, value in matches if match and value}
 
 
 def _by_function(

@@ -200,6 +200,8 @@ def sheet_content(
     """
     longest = max(parts, key=lambda part: len(part.aligned.t))
     spans = ", ".join(f"{log.name}: {len(log)} rows, {log.t[-1]:.4g} s" for log in flights)
+    filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
+    gaps = f"{filled} rows inside gaps bridged or left out" if filled else "none"
     return {
         "source": Path(path).name,
         "format": title,
@@ -216,7 +218,7 @@ def sheet_content(
         "rows": f"{1 / flights[0].step:.4g} Hz; {spans}",
         "input": flights[0].input,
         "command": log_map.command,
-        "gaps": _gaps_text(parts, flights),
+        "gaps": gaps + f"; split into {len(flights)} parts" * (len(flights) > 1),
         "notes": [
             *notes,
             *(note for part in parts for note in (*part.aligned.notes, *_ground_notes(part))),
@@ -253,12 +255,6 @@ def _conventions_text(verdict: Verdict) -> str:
         laws = ", ".join(f"{law} {verdict.misfits[law]:.2g}" for law in wrong)
         text = f"hold in {count - len(wrong)} of {count} checks; misfit of {laws} ({SCALE})"
     return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
-
-
-def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
-    filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
-    text = f"{filled} rows inside gaps bridged or left out" if filled else "none"
-    return text + (f"; split into {len(flights)} parts" if len(flights) > 1 else "")
 
 
 def _ground_notes(part: Part) -> list[str]:

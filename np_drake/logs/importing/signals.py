@@ -123,9 +123,7 @@ class Signal:
         Args:
             at: (m,) [s].
         """
-        i, own, x = self.before(at), rate.integral(self.t), self.values
-        missed = (x[i + 1] - x[i]) - (own[i + 1] - own[i])
-        return x[i] + (rate.integral(at) - own[i]) + self._share(i, at) * missed
+        return self.linear(at) + self._bulge(rate, at)
 
     def turned(self, rate: "Signal | None", at: np.ndarray) -> np.ndarray:
         """Return attitudes (m, 4) that follow the body rates between samples, and meet the next
@@ -142,12 +140,15 @@ class Signal:
         step = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
         turn = self._share(i, at) * step[i]
         if rate is not None:
-            own = rate.integral(self.t)
-            missed = self._share(i, at) * (own[i + 1] - own[i])
-            follows = (rate.integral(at) - own[i]) - missed
-            turn = turn + follows * self.within_wide(rate, i)
+            turn += self._bulge(rate, at) * self.within_wide(rate, i)
         out = attitude.multiply(q[i], attitude.from_rotation_vector(turn))
         return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+    def _bulge(self, rate: "Signal", at: np.ndarray) -> np.ndarray:
+        """Return what the integral of a rate adds to a line between samples, (m, k)."""
+        i, total = self.before(at), rate.integral(self.t)
+        line = total[i] + self._share(i, at) * (total[i + 1] - total[i])
+        return rate.integral(at) - line
 
     def within_wide(self, rate: "Signal", i: np.ndarray) -> np.ndarray:
         """Return which intervals i (m,) of samples hold several of a rate, or are gaps that do,
