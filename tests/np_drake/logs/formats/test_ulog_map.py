@@ -152,7 +152,7 @@ def test_rotors_not_four_or_logged_slowly_leave_collective_thrust(log, used, rat
     assert ("rotor_speed" in dut) == (used == 4)  # too slow to be an input: it tells a stop
 
 
-def test_the_simulated_flight_of_px4_agrees_with_its_conventions_in_ned_and_frd(real_flights):
+def test_the_simulated_flight_of_px4_agrees_with_ned_and_frd(real_flights):
     found = import_log(real_flights / "ulog" / "sample_px4_events.ulg")
     dut = found.sheet.content
     assert dut["conventions"].startswith("agree with the log in 3 checks")

@@ -108,7 +108,7 @@ def test_attitude_follows_a_growing_rate_between_its_samples():
 
 
 @pytest.mark.parametrize("bias", [None, 0.0, 0.2])
-def test_attitude_between_samples_of_a_constant_turn_is_exact_whatever_the_bias(bias):
+def test_attitude_in_a_constant_turn_is_exact_whatever_the_bias(bias):
     fine = np.linspace(0.0, 4.0, 401)
     gyro = None if bias is None else Signal(fine, (1.3 + bias + 0 * fine[:, None]) * AXIS)
     dut = Signal(HALF_SECONDS, constant_turn(HALF_SECONDS)).turned(gyro, BETWEEN)
