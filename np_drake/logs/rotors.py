@@ -130,8 +130,7 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
 
 def named_rotors(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[RotorName]:
     """Return what the rotors of a vehicle are called, also in logs that are in its order."""
-    motors = [log.motors for log in logs if log.layout is None]
-    return rotor_names(vehicle.rotor_positions, motors)
+    return rotor_names(vehicle.rotor_positions, [log.motors for log in logs if not log.layout])
 
 
 OFF_ENDS = 0.5  # of what is filtered, at its ends [s]; own choice
@@ -421,8 +420,9 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     if order == list(range(4)):
         return log
     taken = ", ".join(log.motors[i] if log.motors else f"{i + 1} of the log" for i in order)
-    note = f"rotors 1, 2, 3, 4 of the vehicle file are {taken} ({layout.source})"
-    return _reordered(log, order, note)
+    return _reordered(
+        log, order, f"rotors 1, 2, 3, 4 of the vehicle file are {taken} ({layout.source})"
+    )
 
 
 def _reordered(log: FlightLog, order: list[int], note: str) -> FlightLog:

@@ -435,8 +435,7 @@ def _session(number: int, settings: Mapping[str, str], first: int, stop: int) ->
     for kind, own in names.items():
         row = KINDS.index(kind)
         for key in ("encoding", "predictor", "signed"):
-            texts = told[kind].get(key, [])
-            tables[key][row, : len(own)] = _column(kind, key, texts, len(own))
+            tables[key][row, : len(own)] = _column(kind, key, told[kind].get(key, []), len(own))
         for i, name in enumerate(own):
             tables["constant"][row, i] = _constant(tables["predictor"][row, i], name, settings)
     main = names["I"]

@@ -80,8 +80,7 @@ def motors(contents: Contents) -> Motors:
     Raises: ValueError: if an output of a motor is not logged, or motors are not 4, 6 or 8.
     """
     parameters: Mapping[str, float] = getattr(contents, "parameters", {})
-    frame = int(parameters.get("FRAME_CLASS", 0))
-    kind, usual = FRAMES.get(frame, ("", 4))
+    kind, usual = FRAMES.get(int(parameters.get("FRAME_CLASS", 0)), ("", 4))
     outputs = _outputs(parameters)
     if not outputs:
         outputs = list(range(1, (usual or 4) + 1))
@@ -93,8 +92,7 @@ def motors(contents: Contents) -> Motors:
         )
     streams = ("RCOU", "RCO2", "RCO3")
     columns = [  # empty: the output is not logged
-        next((f"{s}/C{number}" for s in streams if f"C{number}" in contents.get(s, ())), "")
-        for number in outputs
+        next((f"{s}/C{n}" for s in streams if f"C{n}" in contents.get(s, ())), "") for n in outputs
     ]
     missing = next((n for n, column in zip(outputs, columns, strict=True) if not column), 0)
     stated = any(FUNCTION.fullmatch(name) for name in parameters)
@@ -495,7 +493,6 @@ def default_map(contents: Contents) -> LogMap | None:
     driven = motors(contents)
     battery = _first(contents, ("BAT", "CURR"), ("Volt",))
     collective = Source([] if driven.throttle else _first(contents, ("CTUN",), ("ThO",)))
-    hovering = Source(_first(contents, ("CTUN",), ("ThH",)) if collective else [])
     return LogMap(
         format="dataflash",
         world="ned",
@@ -508,7 +505,7 @@ def default_map(contents: Contents) -> LogMap | None:
         acceleration=Source(imu[3:], kind="specific_force", axes="body"),
         rotor_speed=driven.rotor_speed,
         throttle=driven.throttle or collective,
-        hover_throttle=hovering,
+        hover_throttle=Source(_first(contents, ("CTUN",), ("ThH",)) if collective else []),
         voltage=Source(battery),
     )
 

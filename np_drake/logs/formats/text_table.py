@@ -285,8 +285,7 @@ def read_layout(path: Path) -> Layout:
         encoding = encoding_of(decompressed_start(file.read(LOOKED_AT)))
     with contextlib.closing(read_lines(path, errors="replace", encoding=encoding)) as lines:
         header, head = next(lines, ""), 1
-        told = SEPARATOR.fullmatch(header)
-        if told:
+        if told := SEPARATOR.fullmatch(header):
             header, head = next(lines, ""), 2
         require(
             header.strip(),
@@ -300,8 +299,8 @@ def read_layout(path: Path) -> Layout:
         rows = [cells for _, cells in found]
     units = None
     if len(rows) > 1 and is_units_row(*rows[:2]):
-        stated = zip(names, rows.pop(0), strict=False)
-        units = {name: as_unit(text) for name, text in stated if as_unit(text)}
+        stated = zip(names, map(as_unit, rows.pop(0)), strict=False)
+        units = {name: unit for name, unit in stated if unit}
     first = [*(rows[0] if rows else ()), *[""] * len(names)]
     cells = [
         Cell(name, i, None if (items := list_items(text)) is None else len(items))

@@ -154,19 +154,16 @@ def split(
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
     spans = zip(edges[::2], edges[1::2], strict=True)
     found = [within(signals, start, stop) for start, stop in spans]
-    parts, kept = [p for p, lacking in found if not lacking], [not lacking for _, lacking in found]
+    kept = [not lacking for _, lacking in found]
     said = []
     for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
-        what = (
-            "split there"
-            if before and after
-            else f"what comes {'after' if before else 'before'} it is left out"
-        )
+        side = "after" if before else "before"
+        what = "split there" if before and after else f"what comes {side} it is left out"
         said.append(f"{b.reason} at {b.before - origin:.2f} s: {what}")
     if len(said) > MOST_SAID:
         last = f"the last at {breaks[-1].before - origin:.2f} s"
         said[MOST_SAID:] = [f"{len(said) - MOST_SAID} more such breaks, {last}"]
-    return parts, said
+    return [part for part, lacking in found if not lacking], said
 
 
 def within(signals: Signals, start: float, stop: float) -> tuple[Signals, str]:

@@ -89,8 +89,11 @@ def looks(contents: Contents, fields: str) -> str:
         for stream, columns in contents.items()
         for name in columns
     ]
-    missing = [field for field in fields if not set(COLUMNS[field]) <= set(names)]
-    found = {LOOKS[field][0]: looking_like(names, field) for field in missing}
+    found = {
+        LOOKS[field][0]: looking_like(names, field)
+        for field in fields
+        if not set(COLUMNS[field]) <= set(names)
+    }
     said = [f"{what}: {shorten(alike)}" for what, alike in found.items() if alike]
     cut = f" And {CUT}; copy it again." if getattr(contents, "cut", False) else ""
     return (f" Columns that look like {'; '.join(said)}." if said else "") + cut
