@@ -113,11 +113,9 @@ class _Log:
 
     def rows(self, number: int, columns: list[str]) -> tuple[np.ndarray, np.ndarray]:
         """Return times of receipt (n,) [s] and columns (n, k); an array's are `name[i]`."""
-        stamps, rows = [], []
-        for stamp, message in self.messages(number):
-            stamps.append(stamp)
-            rows.append([_value(message, column) for column in columns])
-        return np.array(stamps), np.reshape(np.array(rows, float), (len(rows), len(columns)))
+        found = [(stamp, [_value(m, c) for c in columns]) for stamp, m in self.messages(number)]
+        rows = np.array([row for _, row in found], float).reshape(len(found), len(columns))
+        return np.array([stamp for stamp, _ in found]), rows
 
 
 def _frame(data: bytes, at: int) -> tuple[tuple[int, int], int, int]:

@@ -3,7 +3,6 @@
 import struct
 import zlib
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,12 +18,6 @@ from tests.np_drake.logs.formats.made_files import read
 STATE = [f"stateEstimate.{c}" for c in ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz")]
 SENSORS = [f"{group}.{axis}" for group in ("gyro", "acc") for axis in "xyz"]
 RPM = [f"rpm.m{i}" for i in (1, 2, 3, 4)]
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory) -> Path:
-    """Return a place for a log."""
-    return tmp_path_factory.mktemp("usd") / "log00"
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 import struct
 import sys
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,12 +18,6 @@ from tests.np_drake.logs.formats import ulog_writer as writer
 from tests.np_drake.logs.formats.made_files import assert_holds, noise, read
 
 Q = [f"q[{i}]" for i in range(4)]
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory) -> Path:
-    """Return a place for a log."""
-    return tmp_path_factory.mktemp("ulog") / "log.ulg"
 
 
 def stream(columns, rows=60, rate=50.0, seed=1) -> Stream:

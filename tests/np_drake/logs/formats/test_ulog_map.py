@@ -1,7 +1,6 @@
 """Laws of the map of PX4 logs: which messages are taken, and what the two real logs hold."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,12 +20,6 @@ def stream(columns) -> Stream:
     """Return sixty rows at 50 Hz in which every column changes."""
     t = np.arange(60) / 50.0
     return Stream(t, {c: np.sin(7.0 * t + i) for i, c in enumerate(columns)})
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory) -> Path:
-    """Return a place for a log."""
-    return tmp_path_factory.mktemp("ulog") / "log.ulg"
 
 
 STATE: dict[str, tuple[str, ...]] = {
