@@ -98,9 +98,11 @@ def import_logs(
                 if note in found.said or "left out" in note
             ]
             gaps = sheet["gaps"].split(";")[0].replace(" inside gaps bridged or left out", "")
-            for log in found.flights:
-                timing = 1e3 * found.sheet.timing
-                rows.append((log.name, float(log.t[-1]), 1 / log.step, log.input, timing, gaps))
+            timing = 1e3 * found.sheet.timing
+            rows += [
+                (log.name, float(log.t[-1]), 1 / log.step, log.input, timing, gaps)
+                for log in found.flights
+            ]
             advance(number + 1, path.name)
     failure = None
     if failures:

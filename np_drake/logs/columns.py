@@ -112,11 +112,6 @@ def looking_like(names: Sequence[str], field: str) -> list[str]:
     return [n for n in names if re.search(pattern, n.rpartition("/")[2], re.IGNORECASE)]
 
 
-def alike_first(names: Sequence[str], field: str) -> list[str]:
-    """Return the names in their order, those that look like a field's first."""
-    return list(dict.fromkeys([*looking_like(names, field), *names]))
-
-
 def present_fields(table: Table) -> list[str]:
     """Return the fields whose columns are present and not wholly empty.
 
@@ -139,11 +134,11 @@ def present_fields(table: Table) -> list[str]:
         elif filled or field in STATE:
             name = next(name for name in names if name not in filled)
             state = "is empty" if name in table.columns else "is missing"
+            header = list(table.columns)
+            alike_first = list(dict.fromkeys([*looking_like(header, field), *header]))
             raise table.error(
-                (
-                    f"{state}; a flight log needs {', '.join(names)}. The header has: "
-                    f"{shorten(alike_first(list(table.columns), field))}."
-                ),
+                f"{state}; a flight log needs {', '.join(names)}. The header has: "
+                f"{shorten(alike_first)}.",
                 column=name,
             )
     return fields

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
+from np_drake.checks import require
 from np_drake.files.number_text import percent
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import GRAVITY
@@ -130,8 +131,7 @@ def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | PowerMap) -> 
         if known is vehicle.throttle
         else "a map that carries the vehicle file's weight"
     )
-    others = [other for other in log.notes if not other.startswith(NOTE)]
-    notes = [*others, f"{NOTE} by {whose}"]
+    notes = [note for note in log.notes if not note.startswith(NOTE)] + [f"{NOTE} by {whose}"]
     return dc.replace(log, u=u, input="normalised", throttle_map=known, notes=notes)
 
 
@@ -195,11 +195,12 @@ class _Lifted:
 def _lifted(log: FlightLog, gravity: float, volts: float | None = None) -> _Lifted:
     throttle = np.maximum(np.asarray(log.throttle), 0.0)
     flying = throttle.mean(axis=1) > LEAST
-    if flying.sum() < 20:
-        raise LogError(
-            f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never "
-            f"exceeds {LEAST}."
-        )
+    require(
+        flying.sum() >= 20,
+        f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never exceeds "
+        f"{LEAST}.",
+        LogError,
+    )
     lift = lift_over_weight(log.t, log.v, log.q, gravity)
     if volts is not None and log.voltage is not None:
         lift = lift / (log.voltage / volts) ** VOLTAGE

@@ -218,8 +218,8 @@ def _beside(log: FlightLog, others: Sequence[FlightLog], least: float) -> Flight
             f"is of {own}; it is of {', '.join(told)}. {HOW}."
         )
     paths = [Neighbour(other.t + (other.start - log.start), other.p, other.name) for other in near]
-    notes = [_checked(log, path, least) for path in paths]
-    return dc.replace(log, neighbours=(*log.neighbours, *paths), notes=[*log.notes, *notes])
+    notes = log.notes + [_checked(log, path, least) for path in paths]
+    return dc.replace(log, neighbours=(*log.neighbours, *paths), notes=notes)
 
 
 def _checked(log: FlightLog, path: Neighbour, least: float) -> str:

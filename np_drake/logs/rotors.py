@@ -130,8 +130,7 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
 
 def named_rotors(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[RotorName]:
     """Return what the rotors of a vehicle are called, also in logs that are in its order."""
-    motors = [log.motors for log in logs if log.layout is None]
-    return rotor_names(vehicle.rotor_positions, motors)
+    return rotor_names(vehicle.rotor_positions, [log.motors for log in logs if not log.layout])
 
 
 OFF_ENDS = 0.5  # of what is filtered, at its ends [s]; own choice
@@ -415,15 +414,15 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
         if not is_each(log.balance):
             raise
         # Their collective thrust is told all the same.
-        said = f"the balance of the rotors is not used: {error}"
-        notes = [*log.notes, said]
+        notes = [*log.notes, f"the balance of the rotors is not used: {error}"]
         return dc.replace(log, balance=None, layout=None, motors=(), notes=notes)
     layout, log = log.layout, dc.replace(log, layout=None)
     if order == list(range(4)):
         return log
     taken = ", ".join(log.motors[i] if log.motors else f"{i + 1} of the log" for i in order)
-    note = f"rotors 1, 2, 3, 4 of the vehicle file are {taken} ({layout.source})"
-    return _reordered(log, order, note)
+    return _reordered(
+        log, order, f"rotors 1, 2, 3, 4 of the vehicle file are {taken} ({layout.source})"
+    )
 
 
 def _reordered(log: FlightLog, order: list[int], note: str) -> FlightLog:
@@ -446,9 +445,8 @@ def _described(order: RotorOrder, vehicle: Vehicle) -> str:
     above.
     """
     names = places(vehicle.rotor_positions)
-    turns = ["cw" if d > 0 else "ccw" for d in order.directions]
-    named = zip(order.rotors, turns, strict=True)
-    return ", ".join(f"{names[i]} ({turn})" for i, turn in named)
+    turns = zip(order.rotors, order.directions, strict=True)
+    return ", ".join(f"{names[i]} ({'cw' if d > 0 else 'ccw'})" for i, d in turns)
 
 
 def _figures(order: RotorOrder) -> str:

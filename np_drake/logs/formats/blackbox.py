@@ -98,8 +98,7 @@ def default_map(contents: Contents) -> LogMap | None:
     if not indiflight and "betaflight" not in told:
         return None
     version = told.get("betaflight", 4.0)
-    turned = GYRO[0] in contents.get(BODY, ())
-    body = "frd" if turned else "flu"
+    body = "frd" if GYRO[0] in contents.get(BODY, ()) else "flu"
     scale = told.get("gyro_scale", 1.0) * (
         FINE if told.get("blackbox_high_resolution", 0) > 0 else 1.0
     )
@@ -204,9 +203,7 @@ def motors(contents: Contents) -> Motors:
         (indexed(f"main/{name}", 4) for name in ("omegaUnfiltered", "omega")),
         unit="rad/s",
     )
-    if (
-        not speed and told.get("motor_poles", 0) > 0
-    ):  # written in hundreds of electrical revolutions a minute
+    if not speed and told.get("motor_poles", 0) > 0:  # in hundreds of electrical rpm
         names = (indexed(f"main/{name}", 4) for name in ("eRPM", "eRPM(/100)"))
         speed = first_source(contents, names, unit="rpm", scale=200 / told["motor_poles"])
     layout = FIRMWARE["betaflight"]
@@ -228,10 +225,11 @@ def _gyro_delay(told: dict[str, float]) -> float:
     """Return the delay of the filters of the gyro whose cutoff the header states [s]; the moving
     ones are left out.
     """
-    filters = ("gyro_lpf1", "gyro_lpf2")
-    fixed = [name for name in filters if not told.get(f"{name}_dyn_hz[0]", 0.0) > 0]
-    settings = [[told.get(f"{name}_{end}", 0.0) for end in ("static_hz", "type")] for name in fixed]
-    return sum((_delay(cutoff, int(kind)) for cutoff, kind in settings), 0.0)
+    return sum(
+        _delay(told.get(f"{name}_static_hz", 0.0), int(told.get(f"{name}_type", 0.0)))
+        for name in ("gyro_lpf1", "gyro_lpf2")
+        if not told.get(f"{name}_dyn_hz[0]", 0.0) > 0
+    )
 
 
 def _delay(cutoff: float, kind: int) -> float:
@@ -281,7 +279,7 @@ def _told(of_imu: np.ndarray, turn: np.ndarray) -> np.ndarray:
     steps = attitude.rotation_vector(attitude.multiply(attitude.conjugate(of_imu[:-1]), of_imu[1:]))
     unlearnt = np.all(turn[1:, 1:] == 0, axis=1)
     jumps = np.flatnonzero(unlearnt & (np.linalg.norm(steps, axis=1) > FORGETS))
-    return np.arange(len(of_imu)) > (jumps[-1] if len(jumps) else -1)
+    return np.arange(len(of_imu)) > np.max(jumps, initial=-1)
 
 
 MAIN = "main"
@@ -302,17 +300,6 @@ SCALES = (
     "motorOutput",
     "motor_poles",
     REVERSED,
-)
-PROTOCOLS = (
-    "PWM",
-    "OneShot125",
-    "OneShot42",
-    "Multishot",
-    "brushed",
-    "DShot150",
-    "DShot300",
-    "DShot600",
-    "ProShot1000",
 )
 FACTS = {  # by setting: name on the sheet
     "Firmware revision": "firmware",
@@ -448,8 +435,7 @@ def _session(number: int, settings: Mapping[str, str], first: int, stop: int) ->
     for kind, own in names.items():
         row = KINDS.index(kind)
         for key in ("encoding", "predictor", "signed"):
-            texts = told[kind].get(key, [])
-            tables[key][row, : len(own)] = _column(kind, key, texts, len(own))
+            tables[key][row, : len(own)] = _column(kind, key, told[kind].get(key, []), len(own))
         for i, name in enumerate(own):
             tables["constant"][row, i] = _constant(tables["predictor"][row, i], name, settings)
     main = names["I"]
@@ -588,13 +574,10 @@ def _parameters(session: _Session) -> dict[str, float]:
     of the firmware.
     """
     found: dict[str, float] = {}
-    for name in session.settings:
-        values = _numbers(session.settings.get(name, ""))
-        found |= (
-            {name: values[0]}
-            if len(values) == 1
-            else {f"{name}[{i}]": v for i, v in enumerate(values)}
-        )
+    for name, text in session.settings.items():
+        values = _numbers(text)
+        names = [name] if len(values) == 1 else indexed(name, len(values))
+        found |= zip(names, values, strict=True)
     match = REVISION.match(session.settings.get("Firmware revision", ""))
     if match:
         found[match[1].lower()] = int(match[2]) + int(match[3]) / 100
@@ -631,9 +614,8 @@ def _decoded(
     t, values = out[0, : told[ROWS]] * 1e-6, dict(zip(names, out[1:, : told[ROWS]], strict=True))
     streams = {MAIN: Stream(t, {name: values[name] for name in wanted.get(MAIN, ())})}
     if BODY in wanted:
-        found = body_values(values) if told[ROWS] else {}
-        body = {name: found.get(name, np.empty(0)) for name in wanted[BODY]}
-        streams[BODY] = Stream(t, body)
+        found = body_values(values) if told[ROWS] else dict.fromkeys(wanted[BODY], np.empty(0))
+        streams[BODY] = Stream(t, {name: found[name] for name in wanted[BODY]})
     return {stream: streams[stream] for stream in wanted}, told
 
 
@@ -666,28 +648,10 @@ def _odd(which: str, told: np.ndarray, body: Stream | None) -> Iterator[str]:
 
 
 def _facts(session: _Session) -> dict[str, str]:
-    """Return what the header says of vehicle, firmware and scales, and the rate of its rows."""
-    found = {"clock": "time since the start of the firmware [s]"}
-    found |= {
-        title: session.settings[name] for name, title in FACTS.items() if session.settings.get(name)
-    }
-    protocol = _numbers(session.settings.get("motor_pwm_protocol", ""))
-    if protocol and 0 <= protocol[0] < len(PROTOCOLS):
-        found["motor protocol"] = PROTOCOLS[int(protocol[0])]
-    looptime, divisor = (
-        _numbers(session.settings.get("looptime", "")),
-        _numbers(session.settings.get("pid_process_denom", "")) or [1.0],
-    )
-    if looptime and looptime[0] > 0 and divisor[0] > 0 and session.intervals[2] > 0:
-        loop = looptime[0] * divisor[0]
-        rate = 1e6 / loop * session.intervals[1] / session.intervals[2]
-        every = (
-            f"{session.intervals[1]} of {session.intervals[2]}"
-            if session.intervals[2] > 1
-            else "all"
-        )
-        found["loop"] = f"{looptime[0]:g} us x {divisor[0]:g}, {every} logged: {rate:.6g} Hz"
-    return found
+    """Return what the header says of vehicle, firmware and scales."""
+    told = session.settings
+    facts = {title: told[name] for name, title in FACTS.items() if told.get(name)}
+    return {"clock": "time since the start of the firmware [s]"} | facts
 
 
 BLACKBOX = Format(

@@ -83,8 +83,7 @@ def contents(path: Path) -> Contents:
     """
     content = _content(path)
     if not content[1:].startswith(BLOCKS):
-        events = _header(path, content)[1]
-        return {name: variables for name, variables, _ in events.values()}
+        return {name: variables for name, variables, _ in _header(path, content)[1].values()}
     names = [name for name, _ in _variables(path, content)[0][1:]]
     return {TABLE: (*names, *(PARTS if QUATERNION in names else ()))}
 
@@ -95,10 +94,9 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     Raises: LogError: if the header is damaged, or no record is whole.
     """
     content = _content(path)
-    blocks = content[1:].startswith(BLOCKS)
-    recording = (_read_blocks if blocks else _read_events)(path, content, wanted)
     progress(1.0)
-    return recording
+    of_kind = _read_blocks if content[1:].startswith(BLOCKS) else _read_events
+    return of_kind(path, content, wanted)
 
 
 def _content(path: Path) -> bytes:
@@ -156,8 +154,10 @@ def _end(content: bytes, end: int, sizes: Mapping[int, int]) -> tuple[str, ...]:
         )
     if len(rest) == 4:
         return ("the checksum does not fit: some values may be damaged, or the log is cut.",)
-    cut = f"{len(rest)} bytes after its last whole record are left out"
-    return (f"the log is cut (no checksum); {cut}.",)
+    return (
+        f"the log is cut (no checksum); {len(rest)} bytes after its last whole record are left "
+        "out.",
+    )
 
 
 def _floats(values: np.ndarray) -> np.ndarray:
@@ -181,8 +181,10 @@ def _header(path: Path, content: bytes) -> tuple[int, dict[int, Event], int]:
     try:
         return version, *_events(content, count, TIMES[version][0])
     except (IndexError, UnicodeDecodeError, struct.error) as error:
-        cut = "must name all event types and variables; it is cut or damaged"
-        raise LogError(f"{path}, header: {cut}; {REMEDY}.") from error
+        raise LogError(
+            f"{path}, header: must name all event types and variables; it is cut or damaged; "
+            f"{REMEDY}."
+        ) from error
     except ValueError as error:
         raise LogError(f"{path}, header: {error}; {REMEDY}.") from error
 
@@ -250,8 +252,10 @@ def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     while at < len(content):
         end = at + 1 + content[at] * record.itemsize
         if end + 4 > len(content):
-            left = len(content) - at
-            notes = (f"the log is cut; {left} bytes after its last whole block are left out.",)
+            notes = (
+                f"the log is cut; {len(content) - at} bytes after its last whole block are left "
+                "out.",
+            )
             break
         pieces.append(content[at + 1 : end])
         at = end + 4
@@ -305,8 +309,7 @@ def _quaternions(packed: np.ndarray) -> dict[str, np.ndarray]:
         size = (part & 0x1FF) / 0x1FF * np.sqrt(0.5)
         q[:, i] = np.where(small, np.where(part >> 9 & 1, -size, size), 0.0)
         shift = shift + np.where(small, 10, 0).astype(np.uint32)
-    rest = np.sqrt(np.maximum(1 - np.sum(q**2, axis=1), 0.0))
-    q[np.arange(len(q)), largest] = rest
+    q[np.arange(len(q)), largest] = np.sqrt(np.maximum(1 - np.sum(q**2, axis=1), 0.0))
     return dict(zip(PARTS, q.T, strict=True))
 
 

@@ -43,24 +43,22 @@ from np_drake.vehicle.rotor_layout import RotorLayout
 
 FUNCTION = re.compile(r"SERVO(\d+)_FUNCTION")
 MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # of an output: motor 1 to 8, 9 to 12
-USED = re.compile(r"SERVO\d+_FUNCTION|FRAME_(CLASS|TYPE)|MOT_PWM_(MIN|MAX)")
-FRAMES = {  # by FRAME_CLASS: word of older firmware, kind, motors; 0: no multicopter that is read
-    1: ("QUAD", "quad", 4),
-    2: ("HEXA", "hexa", 6),
-    3: ("OCTA", "octa", 8),
-    4: ("OCTA_QUAD", "octaquad (X8)", 8),
-    5: ("Y6", "Y6", 6),
-    6: ("HELI", "a helicopter", 0),
-    7: ("TRI", "a tricopter", 0),
-    8: ("SINGLE", "a single copter", 0),
-    9: ("COAX", "a coaxial copter", 0),
-    10: ("TAILSITTER", "a tailsitter", 0),
-    11: ("HELI_DUAL", "a dual helicopter", 0),
-    12: ("DODECA_HEXA", "a dodecahexacopter", 0),
-    13: ("HELI_QUAD", "a quad helicopter", 0),
-    14: ("DECA", "a decacopter", 0),
+FRAMES = {  # by FRAME_CLASS: kind, motors; 0: no multicopter that is read
+    1: ("quad", 4),
+    2: ("hexa", 6),
+    3: ("octa", 8),
+    4: ("octaquad (X8)", 8),
+    5: ("Y6", 6),
+    6: ("a helicopter", 0),
+    7: ("a tricopter", 0),
+    8: ("a single copter", 0),
+    9: ("a coaxial copter", 0),
+    10: ("a tailsitter", 0),
+    11: ("a dual helicopter", 0),
+    12: ("a dodecahexacopter", 0),
+    13: ("a quad helicopter", 0),
+    14: ("a decacopter", 0),
 }
-FRAME = re.compile(r"Frame: ?(\w+)")
 FIRMWARE = re.compile(r"(?:Ardu|APM:? ?|Antenna)(Copter|Plane|Rover|Sub|Heli|Tracker)", re.I)
 # by FRAME_TYPE: angle of motors 1 to 4 from the front, to the right [deg]; sign, 1 turns clockwise
 QUADS = {
@@ -82,8 +80,7 @@ def motors(contents: Contents) -> Motors:
     Raises: ValueError: if an output of a motor is not logged, or motors are not 4, 6 or 8.
     """
     parameters: Mapping[str, float] = getattr(contents, "parameters", {})
-    frame = int(parameters.get("FRAME_CLASS", 0))
-    _, kind, usual = FRAMES.get(frame, ("", "", 4))
+    kind, usual = FRAMES.get(int(parameters.get("FRAME_CLASS", 0)), ("", 4))
     outputs = _outputs(parameters)
     if not outputs:
         outputs = list(range(1, (usual or 4) + 1))
@@ -95,17 +92,15 @@ def motors(contents: Contents) -> Motors:
         )
     streams = ("RCOU", "RCO2", "RCO3")
     columns = [  # empty: the output is not logged
-        next((f"{s}/C{number}" for s in streams if f"C{number}" in contents.get(s, ())), "")
-        for number in outputs
+        next((f"{s}/C{n}" for s in streams if f"C{n}" in contents.get(s, ())), "") for n in outputs
     ]
+    missing = next((n for n, column in zip(outputs, columns, strict=True) if not column), 0)
     stated = any(FUNCTION.fullmatch(name) for name in parameters)
-    if stated and not all(columns) and any(c.startswith("RCOU") for c in contents):
-        missing = outputs[columns.index("")]
-        raise ValueError(
-            f"output {missing} drives a motor (SERVO{missing}_FUNCTION), and its column is "
-            f"not in RCOU. Log it, or "
-            "name columns as throttle in a map."
-        )
+    require(
+        not (missing and stated and any(c.startswith("RCOU") for c in contents)),
+        f"output {missing} drives a motor (SERVO{missing}_FUNCTION), and its column is not in "
+        "RCOU. Log it, or name columns as throttle in a map.",
+    )
     count = len(outputs)
     require(
         count in (4, 6, 8),
@@ -113,18 +108,18 @@ def motors(contents: Contents) -> Motors:
         f"them in a map.",
     )
     low, high = (parameters.get(f"MOT_PWM_{end}", 0.0) for end in ("MIN", "MAX"))
-    throttle = (
-        Source(columns, "us", ends=[low, high] if 0 < low < high else [])
-        if all(columns)
-        else Source()
+    ends = [low, high] if 0 < low < high else []
+    throttle = Source() if missing else Source(columns, "us", ends=ends)
+    if count != 4:
+        return Motors(throttle, notes=of_collective(count, kind))
+    moved = f"motors are on the outputs {', '.join(map(str, outputs))} (SERVOn_FUNCTION)"
+    return Motors(
+        throttle,
+        Source(_escs(contents, outputs), "rpm"),
+        _layout(parameters),
+        notes=() if outputs == [1, 2, 3, 4] else (moved,),
+        names=tuple(f"ArduPilot motor {n}" for n in (1, 2, 3, 4)),
     )
-    notes = list(of_collective(count, kind))
-    if count == 4 and outputs != [1, 2, 3, 4]:
-        notes.append(f"motors are on the outputs {', '.join(map(str, outputs))} (SERVOn_FUNCTION)")
-    speed = Source(_escs(contents, outputs), "rpm") if count == 4 else Source()
-    layout = _layout(parameters) if count == 4 else None
-    names = tuple(f"ArduPilot motor {n}" for n in (1, 2, 3, 4)) if count == 4 else ()
-    return Motors(throttle, speed, layout, tuple(notes), names=names)
 
 
 def _outputs(parameters: Mapping[str, float]) -> list[int]:
@@ -159,9 +154,8 @@ def _layout(parameters: Mapping[str, float]) -> RotorLayout | None:
     if kind is None or int(parameters.get("FRAME_CLASS", 0)) != 1:
         return None
     name, angles, directions = kind
-    turned = np.radians(angles)
     positions = tuple(
-        (float(np.round(np.cos(a), 6)), float(np.round(-np.sin(a), 6))) for a in turned
+        (float(np.round(np.cos(a), 6)), float(np.round(-np.sin(a), 6))) for a in np.radians(angles)
     )
     return RotorLayout(
         positions, directions, f"FRAME_CLASS 1, FRAME_TYPE {int(parameters['FRAME_TYPE'])}: {name}"
@@ -173,7 +167,8 @@ MOST_INSTANCES = 256  # of a message; a byte numbers them
 HEADERS = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER")  # about the log: no streams
 TIMES = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # [s]
 PARAMETERS = re.compile(
-    rf"{USED.pattern}|MOT_SPIN_(MIN|MAX)|MOT_THST_(EXPO|HOVER)|SCHED_LOOP_RATE|Q_ENABLE"
+    r"SERVO\d+_FUNCTION|FRAME_(CLASS|TYPE)|MOT_(PWM|SPIN)_(MIN|MAX)|MOT_THST_(EXPO|HOVER)"
+    r"|SCHED_LOOP_RATE|Q_ENABLE"
 )
 PRIMARY = "primary"  # in place of an instance
 LANES = {
@@ -219,21 +214,21 @@ MOST_VIBRATION = 30.0  # of VIBE [m/s²]. Source: ArduPilot, "Measuring Vibratio
 
 
 def shaken(
-    seconds: float, clips: np.ndarray, vibrations: np.ndarray, name: str
+    t: np.ndarray, clips: np.ndarray, vibrations: np.ndarray, name: str
 ) -> tuple[tuple[int, ...], list[str]]:
     """Return the axes along which an accelerometer clips, all as ArduPilot does not tell which, and
     the line on vibration, if any.
 
     Args:
-        seconds: for which it is logged [s].
+        t: (n,) times at which they are logged [s].
         clips: (n, k) counters of the samples that clip.
         vibrations: (n, 3) by axis [m/s²].
     """
-    if not len(clips):
+    if not len(t):
         return (), []
     most = float(np.max(np.ptp(clips, axis=0), initial=0.0))
     level = float(np.max(np.median(vibrations, axis=0), initial=0.0))
-    axes = (0, 1, 2) if most > FEW_CLIPS * COUNTED * seconds else ()
+    axes = (0, 1, 2) if most > FEW_CLIPS * COUNTED * np.ptp(t) else ()
     return axes, shaking(level, MOST_VIBRATION, name)
 
 
@@ -362,28 +357,22 @@ def _contents(path: Path) -> Contents:
             if len(instances) > 1 and len(_lanes(log, message.name)[0]):
                 found[f"{message.name}.{PRIMARY}"] = message.numbers
     parameters = _parameters(log)
-    words = {word: frame for frame, (word, _, _) in FRAMES.items()}
-    other = ""
-    for (text,) in (*log.texts("MSG", "Message"), *log.texts("VER", "FWS")):
-        if match := FIRMWARE.match(text):
-            other = "" if match[1].lower() == "copter" else f"a {match[1].lower()} ({text})"
-        if (match := FRAME.match(text)) and match[1] in words:
-            parameters.setdefault("FRAME_CLASS", words[match[1]])
     frame = int(parameters.get("FRAME_CLASS", 0))
-    _, kind, count = FRAMES.get(frame, ("", "a frame that is not known", 0))
-    if other and parameters.get("Q_ENABLE", 0.0) > 0:
-        other = f"a VTOL: {other} with Q_ENABLE"
-    if frame and not count and not other:
-        other = f"{kind} (FRAME_CLASS {frame})"
+    kind, count = FRAMES.get(frame, ("a frame that is not known", 0))
+    other = f"{kind} (FRAME_CLASS {frame})" if frame and not count else ""
+    for (text,) in (*log.texts("MSG", "Message"), *log.texts("VER", "FWS")):
+        match = FIRMWARE.match(text)
+        if match and match[1].lower() != "copter":
+            other = f"a {match[1].lower()} ({text})"
+            if parameters.get("Q_ENABLE", 0.0) > 0:
+                other = f"a VTOL: {other} with Q_ENABLE"
     return Scanned(found, parameters, other=other)
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     log = _Log(path, lambda share: progress(0.7 * share))
-    streams = {}
-    for i, (name, columns) in enumerate(wanted.items(), start=1):
-        streams[name] = _stream(log, name, columns)
-        progress(0.7 + 0.3 * i / len(wanted))
+    streams = {name: _stream(log, name, columns) for name, columns in wanted.items()}
+    progress(1.0)
     notes = (
         f"{path}: times are those since boot",
         *([f"{path}: {log.lost} bytes are no whole record"] if log.lost > 0 else ()),
@@ -414,12 +403,9 @@ def _shaken(log: _Log) -> tuple[tuple[int, ...], list[str]]:
     if message is None or not message.time or not set(VIBRATIONS) <= set(message.numbers):
         return (), []
     counters = [name for name in message.numbers if name.startswith("Clip")]
-    numbered = [message.instance] if message.instance else []
-    rows = message.values([message.time, *VIBRATIONS, *counters, *numbered])
-    rows = rows[rows[:, -1] == 0] if numbered else rows
-    last = 4 + len(counters)
-    seconds = float(np.ptp(rows[:, 0])) * TIMES[message.time] if len(rows) else 0.0
-    return shaken(seconds, rows[:, 4:last], rows[:, 1:4], "VIBE")
+    stream = _stream(log, "VIBE.0", [*VIBRATIONS, *counters])
+    rows = np.stack([*stream.columns.values()], axis=1)
+    return shaken(stream.t, rows[:, 3:], rows[:, :3], "VIBE")
 
 
 def _stream(log: _Log, name: str, columns: list[str]) -> Stream:
@@ -507,7 +493,6 @@ def default_map(contents: Contents) -> LogMap | None:
     driven = motors(contents)
     battery = _first(contents, ("BAT", "CURR"), ("Volt",))
     collective = Source([] if driven.throttle else _first(contents, ("CTUN",), ("ThO",)))
-    hovering = Source(_first(contents, ("CTUN",), ("ThH",)) if collective else [])
     return LogMap(
         format="dataflash",
         world="ned",
@@ -515,26 +500,24 @@ def default_map(contents: Contents) -> LogMap | None:
         command="unknown",  # setpoints are logged at less than their own rate
         position=Source(ekf[:3]),
         velocity=Source(ekf[3:], axes="world"),
-        attitude=attitude or Source(),
+        attitude=attitude,
         rates=Source(imu[:3]),
         acceleration=Source(imu[3:], kind="specific_force", axes="body"),
         rotor_speed=driven.rotor_speed,
         throttle=driven.throttle or collective,
-        hover_throttle=hovering,
+        hover_throttle=Source(_first(contents, ("CTUN",), ("ThH",)) if collective else []),
         voltage=Source(battery),
     )
 
 
-def _attitude(contents: Contents) -> Source | None:
+def _attitude(contents: Contents) -> Source:
     quaternion = ("Q1", "Q2", "Q3", "Q4")
     for names in (("XKQ", "XKQ1", "NKQ", "NKQ1"), ("ATT",), ("AHR2",)):
-        columns = _first(contents, names, quaternion)
-        if columns:
+        if columns := _first(contents, names, quaternion):
             return Source(columns, order="wxyz", direction="body_to_world")
-        columns = _first(contents, names, ("Roll", "Pitch", "Yaw"))
-        if columns:
+        if columns := _first(contents, names, ("Roll", "Pitch", "Yaw")):
             return Source(columns, "deg")
-    return None
+    return Source()
 
 
 def _first(contents: Contents, names: tuple[str, ...], columns: tuple[str, ...]) -> list[str]:

@@ -104,8 +104,11 @@ def _open(path: str | Path) -> Iterator[tuple[Any, Any]]:
 
 
 def _pyarrow(path: str | Path) -> Any:
-    needs = "Parquet needs pyarrow; pip install 'np_drake[parquet]', or use CSV."
-    return optional_package("pyarrow.parquet", path, needs)
+    return optional_package(
+        "pyarrow.parquet",
+        path,
+        "Parquet needs pyarrow; pip install 'np_drake[parquet]', or use CSV.",
+    )
 
 
 def _is(pyarrow: Any, kind: Any, *words: str) -> bool:
@@ -122,6 +125,5 @@ def _columns(pyarrow: Any, file: Any, names: Sequence[str]) -> dict[str, np.ndar
         if _is(pyarrow, column.type, "timestamp", "duration"):
             factor = UNITS["time"][column.type.unit]
             column = column.cast(pyarrow.int64())
-        numbers = column.cast(pyarrow.float64(), safe=False).to_numpy()
-        found[name] = np.asarray(numbers, float) * factor
+        found[name] = column.cast(pyarrow.float64(), safe=False).to_numpy() * factor
     return found

@@ -355,8 +355,7 @@ class _Rows:
             numbers = array("d", [get(message) for get in self.getters])
             stamp = getattr(getattr(message, "header", None), "stamp", None)
             times = array("q", (time, stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0))
-            if not 0 <= time < 1 << 62:
-                raise ValueError("no time")
+            require(0 <= time < 1 << 62, "no time")
         except Exception:  # whatever may be met in damaged bytes
             self.damaged += 1
             return
@@ -397,9 +396,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     progress(1.0)
     facts = {"ros": "1" if bag.ros1 else "2"}
     facts |= {f"type of {name}": bag.topics[name].type for name in wanted}
-    notes = bag.notes + [
-        f"{n}: {r.damaged} messages are damaged" for n, r in rows.items() if r.damaged
-    ]
+    damaged = [f"{n}: {r.damaged} messages are damaged" for n, r in rows.items() if r.damaged]
     read = {name: r.in_order() for name, r in rows.items()}
     times, clocks = _times(
         {name: (received, stamps) for name, (received, stamps, _) in read.items()}
@@ -408,8 +405,8 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         name: Stream(times[name], dict(zip(wanted[name], numbers.T, strict=True)))
         for name, (_, _, numbers) in read.items()
     }
-    lines = tuple(f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks])
-    return Recording(str(path), streams, facts, lines)
+    notes = [*dict.fromkeys([*bag.notes, *damaged]), *clocks]
+    return Recording(str(path), streams, facts, tuple(f"{path}: {note}" for note in notes))
 
 
 def _times(

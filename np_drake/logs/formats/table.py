@@ -122,8 +122,8 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     length = len(next(iter(columns.values()), ()))
     t = columns[time] * UNITS["time"][TIMES[time]] if time else np.full(length, np.nan)
     clock = f"column {time} [{TIMES[time]}]" if time else "none of the known names"
-    stream = Stream(t, {name: columns[name] for name in names})
-    return Recording(str(path), {STREAM: stream}, {"clock": clock}, tuple(notes), units=units)
+    streams = {STREAM: Stream(t, {name: columns[name] for name in names})}
+    return Recording(str(path), streams, {"clock": clock}, tuple(notes), units=units)
 
 
 def is_parquet(path: Path) -> bool:

@@ -113,11 +113,9 @@ class _Log:
 
     def rows(self, number: int, columns: list[str]) -> tuple[np.ndarray, np.ndarray]:
         """Return times of receipt (n,) [s] and columns (n, k); an array's are `name[i]`."""
-        stamps, rows = [], []
-        for stamp, message in self.messages(number):
-            stamps.append(stamp)
-            rows.append([_value(message, column) for column in columns])
-        return np.array(stamps), np.reshape(np.array(rows, float), (len(rows), len(columns)))
+        found = [(stamp, [_value(m, c) for c in columns]) for stamp, m in self.messages(number)]
+        rows = np.array([row for _, row in found], float).reshape(len(found), len(columns))
+        return np.array([stamp for stamp, _ in found]), rows
 
 
 def _frame(data: bytes, at: int) -> tuple[tuple[int, int], int, int]:
@@ -137,8 +135,8 @@ def _frame(data: bytes, at: int) -> tuple[tuple[int, int], int, int]:
 
 def _begins(start: bytes) -> bool:
     """Return whether bytes begin with a time of receipt and a message."""
-    told = SINCE < int.from_bytes(start[:STAMP], "big") < UNTIL
-    return len(start) > STAMP and start[STAMP] in HEADS and told
+    in_time = SINCE < int.from_bytes(start[:STAMP], "big") < UNTIL
+    return in_time and len(start) > STAMP and start[STAMP] in HEADS
 
 
 def _value(message: Any, column: str) -> float:
@@ -171,9 +169,8 @@ def _contents(path: Path) -> Contents:
             continue
         _, rows = log.rows(number, [kind.instance_field, *columns])
         for instance in np.unique(rows[:, 0]):
-            own = rows[rows[:, 0] == instance, 1:]
-            moves = np.ptp(own, axis=0) > 0
-            kept = moves | (name != "SERVO_OUTPUT_RAW" or _is_ardupilot(parameters))
+            kept = np.ptp(rows[rows[:, 0] == instance, 1:], axis=0) > 0
+            kept |= name != "SERVO_OUTPUT_RAW" or _is_ardupilot(parameters)
             found[f"{name}.{instance:g}"] = tuple(np.array(columns)[kept].tolist())
     return Scanned(found, parameters, other=ulog.other_vehicle(parameters), cut=log.cut)
 
@@ -248,8 +245,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     at = clock.of(np.array([t for t, _ in warned]), np.full(len(warned), np.nan))
     events = tuple((float(t), repr(text)) for t, (_, text) in zip(at, warned, strict=True))
     stamps, rows = log.rows(VIBRATION, VIBRATIONS)
-    seconds = float(np.ptp(stamps)) if len(stamps) else 0.0
-    clips, said = dataflash.shaken(seconds, rows[:, 3:], rows[:, :3], "VIBRATION")
+    clips, said = dataflash.shaken(stamps, rows[:, 3:], rows[:, :3], "VIBRATION")
     return Recording(str(path), streams, facts, notes, (*cut, *said), breaks, events, clips)
 
 
@@ -272,9 +268,8 @@ def motors(contents: Contents) -> Motors:
             names[f"ESC.{speed[1]}/RPM" if ardupilot else f"esc_status/esc[{speed[1]}].esc_rpm"] = (
                 name
             )
-    own: dict[str, tuple[str, ...]] = {}
-    for stream, _, column in (name.partition("/") for name in names):
-        own[stream] = (*own.get(stream, ()), column)
+    pairs = [tuple(name.split("/")) for name in names]
+    own = {stream: tuple(c for s, c in pairs if s == stream) for stream, _ in pairs}
     found = (dataflash if ardupilot else ulog).motors(Scanned(own, parameters))
     for source in (found.throttle, found.rotor_speed):
         source.columns = [names[column] for column in source.columns]

@@ -267,9 +267,12 @@ def require_names(path: object, names: Sequence[str]) -> None:
         f"{path}: must hold at most {MAX_COLUMNS} numbers in a row; got {len(names)}.",
         LogError,
     )
-    twice = sorted(name for name, count in Counter(names).items() if count > 1)
-    if twice:
-        raise LogError(f"{path}, column {twice[0] or '(no name)'}: must stand once in the header.")
+    twice = min((name for name, count in Counter(names).items() if count > 1), default=None)
+    require(
+        twice is None,
+        f"{path}, column {twice or '(no name)'}: must stand once in the header.",
+        LogError,
+    )
 
 
 def read_layout(path: Path) -> Layout:
@@ -282,8 +285,7 @@ def read_layout(path: Path) -> Layout:
         encoding = encoding_of(decompressed_start(file.read(LOOKED_AT)))
     with contextlib.closing(read_lines(path, errors="replace", encoding=encoding)) as lines:
         header, head = next(lines, ""), 1
-        told = SEPARATOR.fullmatch(header)
-        if told:
+        if told := SEPARATOR.fullmatch(header):
             header, head = next(lines, ""), 2
         require(
             header.strip(),
@@ -297,17 +299,16 @@ def read_layout(path: Path) -> Layout:
         rows = [cells for _, cells in found]
     units = None
     if len(rows) > 1 and is_units_row(*rows[:2]):
-        stated = zip(names, rows.pop(0), strict=False)
-        units = {name: as_unit(text) for name, text in stated if as_unit(text)}
+        stated = zip(names, map(as_unit, rows.pop(0)), strict=False)
+        units = {name: unit for name, unit in stated if unit}
     first = [*(rows[0] if rows else ()), *[""] * len(names)]
     cells = [
         Cell(name, i, None if (items := list_items(text)) is None else len(items))
         for i, (name, text) in enumerate(zip(names, first, strict=False))
         if name
     ]
-    texts = [cell for row in rows for cell in row]
-    commas = any(COMMA.fullmatch(text) for text in texts) and not any("." in t for t in texts)
-    comma = delimiter != "," and commas
+    texts = [cell for row in rows if delimiter != "," for cell in row]
+    comma = any(COMMA.fullmatch(text) for text in texts) and not any("." in t for t in texts)
     layout = Layout(delimiter, len(names), tuple(cells), head, units, comma, encoding)
     require_names(path, layout.names)
     return layout
@@ -367,8 +368,9 @@ def read_cells(
             if done + len(block) > most:
                 raise too_many_cells(path)
             new = _shape(block, layout.width, done)
-            comma = layout.comma
-            numbers = np.hstack([_numbers(block, cell, done, new, comma=comma) for cell in wanted])
+            numbers = np.hstack(
+                [_numbers(block, cell, done, new, comma=layout.comma) for cell in wanted]
+            )
             for column, values in zip(out, numbers.T, strict=True):
                 column.frombytes(values.tobytes())
             new.sort(key=lambda fault: (fault.row, fault.cell.position if fault.cell else -1))
@@ -495,17 +497,14 @@ def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
     """Write columns (n,) by name atomically, gzip-compressed where the name ends in .gz; numbers
     are read back bit for bit, NaN is an empty cell.
     """
+    import pandas
+
     with atomic_path(path) as temporary, temporary.open("wb") as raw:
         # No name and no time in a gzip header, so that equal logs are equal files.
         packed = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if str(path).endswith(".gz") else raw
         with packed as stream:
-            stream.write((",".join(columns) + "\n").encode())
-            for start in range(0, len(next(iter(columns.values()))), BLOCK_ROWS):
-                rows = np.stack(
-                    [c[start : start + BLOCK_ROWS] for c in columns.values()], axis=1
-                ).tolist()
-                text = "\n".join(",".join(map(repr, row)) for row in rows).replace("nan", "")
-                stream.write((text + "\n").encode())
+            table = pandas.DataFrame(columns, dtype=float)
+            table.to_csv(stream, index=False, lineterminator="\n", mode="wb")
 
 
 def list_items(text: str) -> list[str] | None:

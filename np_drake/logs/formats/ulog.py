@@ -82,9 +82,12 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
         name: columns for name, columns in contents.items() if rates.get(name, np.inf) >= slowest
     }
     lifting = _lifting(parameters)
-    throttle = _motor_throttle(fast, parameters, lifting) or _outputs(
-        contents, parameters, values, lifting
-    )
+    moving = [c for c in fast.get("actuator_motors", ()) if ROTOR_COLUMN.fullmatch(c)]
+    allocated = [f"control[{n}]" for n in lifting] or moving
+    if len(allocated) in SIZES["throttle"][1:] and set(allocated) <= set(moving):
+        throttle = Source([f"actuator_motors/{c}" for c in allocated], "1")
+    else:
+        throttle = _outputs(contents, parameters, values, lifting)
     if any(column.partition("/")[0] not in fast for column in throttle.columns):
         throttle = Source()
     count = len(lifting) if lifting else len(throttle.columns)
@@ -130,15 +133,6 @@ def _lifting(parameters: Parameters) -> list[int]:
     return [n for n in range(count) if n not in tilted]
 
 
-def _motor_throttle(contents: Contents, parameters: Parameters, lifting: Sequence[int]) -> Source:
-    """Return the throttle of every motor, as it is allocated."""
-    moving = [c for c in contents.get("actuator_motors", ()) if ROTOR_COLUMN.fullmatch(c)]
-    wanted = [f"control[{n}]" for n in lifting]
-    columns = wanted if wanted and set(wanted) <= set(moving) else [] if wanted else moving
-    many = len(columns) in SIZES["throttle"][1:]
-    return Source([f"actuator_motors/{c}" for c in columns] if many else [], "1")
-
-
 def _outputs(
     contents: Contents, parameters: Parameters, values: Mapping[str, float], lifting: Sequence[int]
 ) -> Source:
@@ -150,7 +144,8 @@ def _outputs(
         for name, columns in contents.items()
         if name.partition(".")[0] == "actuator_outputs"
     }
-    used = _functions(parameters)
+    matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
+    used = {(m[1], int(m[2])): int(value) for m, value in matches if m and value}
     if used:
         motors = {f - FIRST_MOTOR: output for output, f in reversed(used.items())}
         chosen = [motors[n] for n in lifting or range(MOST_MOTORS) if n in motors]
@@ -165,12 +160,6 @@ def _outputs(
 
 
 Output = tuple[str, int]  # group of outputs, and number in it, from 1
-
-
-def _functions(parameters: Parameters) -> dict[Output, int]:
-    """Return the functions of the outputs that have one."""
-    matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
-    return {(match[1], int(match[2])): int(value) for match, value in matches if match and value}
 
 
 def _by_function(
@@ -214,26 +203,28 @@ def _by_function(
 def _unit(parameters: Parameters, chosen: Sequence[tuple[str, int]]) -> dict[str, Any]:
     """Return unit and ends of outputs; `us` without ends: the log does not state it."""
     groups = {group for group, _ in chosen}
-    timers = [
-        value for name, value in parameters.items() if re.fullmatch(r"PWM_(MAIN|AUX)_TIM\d+", name)
-    ]
-    digital = bool(timers) and all(value in DSHOT_TIMERS for value in timers)
-    if parameters.get("DSHOT_CONFIG", 0) > 0 or (digital and groups <= {"PWM_MAIN", "PWM_AUX"}):
+    timers = {
+        value in DSHOT_TIMERS
+        for name, value in parameters.items()
+        if re.fullmatch(r"PWM_(MAIN|AUX)_TIM\d+", name)
+    }
+    digital = timers == {True} and groups <= {"PWM_MAIN", "PWM_AUX"}
+    if parameters.get("DSHOT_CONFIG", 0) > 0 or digital:
         return {"unit": "dshot"}
     if groups == {"HIL_ACT"}:
         return {"unit": "1"}
-    ends: list[float] = []
-    for group, number in chosen or [("", 0)]:
-        usual = ENDS.get(group, (np.nan, np.nan))
-        low = _first(parameters, f"{group}_MIN{number}", "PWM_MAIN_MIN", "PWM_MIN", usual=usual[0])
-        high = _first(parameters, f"{group}_MAX{number}", "PWM_MAIN_MAX", "PWM_MAX", usual=usual[1])
-        ends += [low, high]
-    mixed = any(value in DSHOT_TIMERS for value in timers)
-    whole = not mixed and all(low < high for low, high in zip(ends[::2], ends[1::2], strict=True))
-    return {
-        "unit": "us",
-        "ends": (ends[:2] if ends == ends[:2] * (len(ends) // 2) else ends) if whole else [],
-    }
+    ends = [
+        (
+            _first(parameters, f"{group}_MIN{n}", "PWM_MAIN_MIN", "PWM_MIN", usual=low),
+            _first(parameters, f"{group}_MAX{n}", "PWM_MAIN_MAX", "PWM_MAX", usual=high),
+        )
+        for group, n in chosen or [("", 0)]
+        for low, high in [ENDS.get(group, (np.nan, np.nan))]
+    ]
+    if True in timers or not all(low < high for low, high in ends):
+        return {"unit": "us", "ends": []}
+    different = ends if len(set(ends)) > 1 else ends[:1]
+    return {"unit": "us", "ends": [end for pair in different for end in pair]}
 
 
 def _first(parameters: Parameters, *names: str, usual: float) -> float:
@@ -477,10 +468,11 @@ def _lift(log: Any, t: np.ndarray, outputs: Sequence[np.ndarray]) -> float:
         return 0.0
     own, field, sign = known[0]
     thrust = np.interp(t, own["timestamp"], np.nan_to_num(sign * own[field]))
-    tried = [np.nan_to_num(x - np.nanmean(x)) for x in (*outputs, np.mean(outputs, axis=0))]
-    thrust = thrust - thrust.mean()
-    sizes = [max(float(np.linalg.norm(x) * np.linalg.norm(thrust)), 1e-12) for x in tried]
-    return max(float(x @ thrust) / size for x, size in zip(tried, sizes, strict=True))
+    thrust -= thrust.mean()
+    tried = np.array([*outputs, np.mean(outputs, axis=0)])
+    tried = np.nan_to_num(tried - np.nanmean(tried, axis=1, keepdims=True))
+    sizes = np.linalg.norm(tried, axis=1) * np.linalg.norm(thrust)
+    return float(np.max(tried @ thrust / np.maximum(sizes, 1e-12)))
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -618,22 +610,20 @@ def _resets(t: np.ndarray, flags: Mapping[str, np.ndarray]) -> list[tuple[float,
     counters = {
         c.removesuffix(RESETS.strip("_")).strip("_"): v for c, v in flags.items() if c not in VALID
     }
-    found = [
-        (float(t[k + 1]), c)
+    return sorted(
+        (float(t[k + 1]), f"the estimator resets {c or 'its state'}?")
         for c, v in counters.items()
         for k in np.flatnonzero(np.diff(v.astype(float)))
-    ]
-    return [(at, f"the estimator resets {what or 'its state'}?") for at, what in sorted(found)]
+    )
 
 
 def _timing(names: Iterable[str], delays: Mapping[str, float]) -> Iterator[str]:
     """Yield what the times of the streams are."""
-    commands = [name for name in names if COMMANDS.fullmatch(name)]
     if delays:
         said = ", ".join(f"{name} ({1000 * delay:.1f} ms)" for name, delay in delays.items())
         yield f"times are those of the sample, not of the message (median delay): {said}."
-    if commands:
-        yield f"times are those at which a command was published: {', '.join(commands)}."
+    if commands := ", ".join(name for name in names if COMMANDS.fullmatch(name)):
+        yield f"times are those at which a command was published: {commands}."
 
 
 def _damage(log: Any) -> Iterator[str]:

@@ -219,8 +219,9 @@ def _differentiated(p: Signal, notes: list[str]) -> Signal:
         t = piece[0] + p.step * np.arange(int((piece[-1] - piece[0]) / p.step + 1e-6) + 1)
         if len(t) > length:
             # Slope of the parabola that fits the window best (Savitzky and Golay).
-            how = {"deriv": 1, "delta": p.step, "axis": 0}
-            slopes.append(scipy.signal.savgol_filter(p.linear(t), length, 2, **how))
+            slopes.append(
+                scipy.signal.savgol_filter(p.linear(t), length, 2, deriv=1, delta=p.step, axis=0)
+            )
             times.append(t)
     if not times:
         return Signal(p.t, np.gradient(p.values, p.t, axis=0))

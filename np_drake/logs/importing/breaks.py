@@ -69,7 +69,7 @@ def without_frozen_poses(
     bias = np.median(missed, axis=0)
     noise = float(np.median(np.linalg.norm((missed - bias) * interval, axis=1)))
     turned -= bias * (t - t[0])[:, None]
-    new = np.concatenate([[True], np.any(np.diff(logged.values, axis=0) != 0, axis=1)])
+    new = logged.differs
     starts = np.flatnonzero(new)
     ends = np.append(starts[1:], len(t)) - 1
     lasts = t[np.minimum(ends + 1, len(t) - 1)] - t[starts]
@@ -78,7 +78,7 @@ def without_frozen_poses(
     frozen = (lasts > GAP * logged.step) & (np.linalg.norm(turns, axis=1) > least)
     # Where the gyro repeats as well, a whole row does.
     gyro = signals["rates"]
-    moves = np.append(0, np.cumsum(np.any(np.diff(gyro.values, axis=0) != 0, axis=1)))
+    moves = np.cumsum(gyro.differs)
     row = np.searchsorted(gyro.t, t, side="right") - 1
     frozen &= 2 * (moves[row[ends]] - moves[row[starts]]) > row[ends] - row[starts]
     pose = np.cumsum(new) - 1
@@ -95,7 +95,7 @@ def without_frozen_poses(
             kept[inside] = name != "attitude" and np.mean(repeats) <= 0.5
         out[name] = dc.replace(own, t=own.t[kept], values=own.values[kept])
     seconds = sum(min(span.after, t[-1]) - span.before for span in spans)
-    how = f"{int(gone.sum())} rows, {seconds:.3g} s in {len(spans)} stretches, left out"
+    how = f"{gone.sum()} rows, {seconds:.3g} s in {len(spans)} stretches, left out"
     return out, spans, [f"{FROZEN}: {how}"]
 
 
@@ -127,10 +127,9 @@ def find_breaks(
         elif not reason.endswith("?") and 0 < k < len(place.t):
             found.append(Break(float(place.t[k - 1]), float(place.t[k]), reason))
     for own in (signals[name] for name in (*STATE, *INPUTS) if name in signals):
-        interval = np.diff(own.t)
-        for row in np.flatnonzero(interval > max(PAUSE, SLOW * own.step)):
-            said = f"a pause of {interval[row]:.3g} s"
-            seen.append(Break(float(own.t[row]), float(own.t[row + 1]), said))
+        for row in np.flatnonzero(np.diff(own.t) > max(PAUSE, SLOW * own.step)):
+            before, after = own.t[row : row + 2].tolist()
+            seen.append(Break(before, after, f"a pause of {after - before:.3g} s"))
     for name in (n for n in ("position", "velocity") if n in signals):
         source = getattr(log_map, name)
         unit = UNITS[name].get(source.unit, 1.0) * abs(source.scale)
@@ -155,23 +154,16 @@ def split(
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
     spans = zip(edges[::2], edges[1::2], strict=True)
     found = [within(signals, start, stop) for start, stop in spans]
-    parts, kept = [p for p, lacking in found if not lacking], [not lacking for _, lacking in found]
+    kept = [not lacking for _, lacking in found]
     said = []
     for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
-        what = (
-            "split there"
-            if before and after
-            else f"what comes {'after' if before else 'before'} it is left out"
-        )
+        side = "after" if before else "before"
+        what = "split there" if before and after else f"what comes {side} it is left out"
         said.append(f"{b.reason} at {b.before - origin:.2f} s: {what}")
     if len(said) > MOST_SAID:
-        said[MOST_SAID:] = [
-            (
-                f"{len(said) - MOST_SAID} more such breaks, the last at "
-                f"{breaks[-1].before - origin:.2f} s"
-            )
-        ]
-    return parts, said
+        last = f"the last at {breaks[-1].before - origin:.2f} s"
+        said[MOST_SAID:] = [f"{len(said) - MOST_SAID} more such breaks, {last}"]
+    return [part for part, lacking in found if not lacking], said
 
 
 def within(signals: Signals, start: float, stop: float) -> tuple[Signals, str]:
@@ -211,12 +203,9 @@ def _jumps(
                 if name == "attitude"
                 else f"{size[k]:.3g} {next(iter(UNITS[name]))}"
             )
-            what = reason.rstrip("?") or f"the {name} jumps by {said}"
-            found.append(
-                Break(
-                    float(t[k]), float(t[k + 1]), what + (f" ({name} by {said})" if reason else "")
-                )
-            )
+            jump = f"the {name} jumps by {said}"
+            what = f"{reason.rstrip('?')} ({name} by {said})" if reason else jump
+            found.append(Break(float(t[k]), float(t[k + 1]), what))
     return found if len(found) < MOST * count else []
 
 

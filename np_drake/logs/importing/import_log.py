@@ -89,8 +89,11 @@ def looks(contents: Contents, fields: str) -> str:
         for stream, columns in contents.items()
         for name in columns
     ]
-    missing = [field for field in fields if not set(COLUMNS[field]) <= set(names)]
-    found = {LOOKS[field][0]: looking_like(names, field) for field in missing}
+    found = {
+        LOOKS[field][0]: looking_like(names, field)
+        for field in fields
+        if not set(COLUMNS[field]) <= set(names)
+    }
     said = [f"{what}: {shorten(alike)}" for what, alike in found.items() if alike]
     cut = f" And {CUT}; copy it again." if getattr(contents, "cut", False) else ""
     return (f" Columns that look like {'; '.join(said)}." if said else "") + cut
@@ -200,6 +203,8 @@ def sheet_content(
     """
     longest = max(parts, key=lambda part: len(part.aligned.t))
     spans = ", ".join(f"{log.name}: {len(log)} rows, {log.t[-1]:.4g} s" for log in flights)
+    filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
+    gaps = f"{filled} rows inside gaps bridged or left out" if filled else "none"
     return {
         "source": Path(path).name,
         "format": title,
@@ -216,7 +221,7 @@ def sheet_content(
         "rows": f"{1 / flights[0].step:.4g} Hz; {spans}",
         "input": flights[0].input,
         "command": log_map.command,
-        "gaps": _gaps_text(parts, flights),
+        "gaps": gaps + f"; split into {len(flights)} parts" * (len(flights) > 1),
         "notes": [
             *notes,
             *(note for part in parts for note in (*part.aligned.notes, *_ground_notes(part))),
@@ -253,12 +258,6 @@ def _conventions_text(verdict: Verdict) -> str:
         laws = ", ".join(f"{law} {verdict.misfits[law]:.2g}" for law in wrong)
         text = f"hold in {count - len(wrong)} of {count} checks; misfit of {laws} ({SCALE})"
     return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
-
-
-def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
-    filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
-    text = f"{filled} rows inside gaps bridged or left out" if filled else "none"
-    return text + (f"; split into {len(flights)} parts" if len(flights) > 1 else "")
 
 
 def _ground_notes(part: Part) -> list[str]:
@@ -531,8 +530,9 @@ def _said_by(recording: Recording, origin: float, end: float) -> list[str]:
         f"{what} at {times[0]:.2f} s" + f" ({len(times)} times)" * (len(times) > 1)
         for what, times in events.items()
     ]
-    more = [f"{len(told) - MOST_SAID} more"] if len(told) > MOST_SAID else []
+    if len(told) > MOST_SAID:
+        told[MOST_SAID:] = [f"{len(told) - MOST_SAID} more"]
     axes = ", ".join("xyz"[i] for i in recording.clips)
     what = "vertical" if 2 in recording.clips else "lateral"
     said = [f"{CLIPS} along body {axes}: {what} force is unreliable"] if axes else []
-    return said + ([SAYS + "; ".join(told[:MOST_SAID] + more)] if told else [])
+    return said + ([SAYS + "; ".join(told)] if told else [])

@@ -358,8 +358,12 @@ def convert_quantity(
 
 def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray:
     """Return w, x, y, z from body to W, of unit norm where the log's norm is not zero."""
-    if values.shape[1] == 3:
-        q = from_roll_pitch_yaw(values)
+    if values.shape[1] == 3:  # turns about z, then y, then x, in body axes
+        x, y, z = (
+            attitude.from_rotation_vector(angle[:, None] * axis)
+            for angle, axis in zip(values.T, np.eye(3), strict=True)
+        )
+        q = attitude.multiply(z, attitude.multiply(y, x))
     else:
         q = values if source.order == "wxyz" else np.roll(values, 1, axis=1)
         q = q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1e-9)
@@ -384,14 +388,3 @@ def _turned(name: str, values: np.ndarray, q: np.ndarray | None, log_map: LogMap
     if name == "acceleration" and source.kind != "acceleration":
         values = values - [0.0, 0.0, GRAVITY]
     return values
-
-
-def from_roll_pitch_yaw(angles: np.ndarray) -> np.ndarray:
-    """Return quaternions (n, 4) of roll, pitch, yaw (n, 3) [rad]: turns about z, then y, then x, in
-    body axes.
-    """
-    x, y, z = (
-        attitude.from_rotation_vector(a[:, None] * axis)
-        for a, axis in zip(angles.T, np.eye(3), strict=True)
-    )
-    return attitude.multiply(z, attitude.multiply(y, x))

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import on_one_clock
 from np_drake.logs.columns import LEAST_ROWS, LONGEST_GAP
@@ -90,19 +91,17 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
     """Check the inputs and the voltage of a log in SI units.
     Raises: LogError: if its values cannot be in the unit that the map declares.
     """
-    for name, (least, most) in RANGES.items():
-        if name not in values:
-            continue
+    for name, (least, most) in ((n, ends) for n, ends in RANGES.items() if n in values):
         middle, high = np.median(values[name]), np.percentile(values[name], 99.9)
-        if least <= middle and high <= most:
-            continue
         source = getattr(log_map, name)
         unit = source.unit or next(iter(UNITS[name]))
         wrong, shown = (f"above {most:g}", high) if high > most else (f"below {least:g}", middle)
-        raise LogError(
-            f"{path}, {name} ({', '.join(source.columns)}): must not be {wrong} in flight; "
-            f"got {shown:.4g} with "
-            f"unit: {unit}. Give its unit ({', '.join(UNITS[name])}) or scale in the map."
+        require(
+            least <= middle and high <= most,
+            f"{path}, {name} ({', '.join(source.columns)}): must not be {wrong} in flight; got "
+            f"{shown:.4g} with unit: {unit}. Give its unit ({', '.join(UNITS[name])}) or scale in "
+            "the map.",
+            LogError,
         )
 
 
@@ -204,8 +203,7 @@ def no_flight(signals: Signals, log_map: LogMap) -> str:
     the air never rests.
     """
     told = next(name for name in ("position", "velocity", "acceleration") if name in signals)
-    across = np.ptp(signals[told].values, axis=0)
-    if not np.any(across[:2] > 0):
+    if not np.ptp(signals[told].values[:, :2], axis=0).any():
         return "position stays"
     for name, least in IDLE.items():
         if name in signals:

@@ -45,15 +45,17 @@ class Signal:
         """Median sampling interval [s]."""
         return float(np.median(np.diff(self.t)))
 
+    @property
+    def differs(self) -> np.ndarray:
+        """Whether a sample differs from the one before, (n,); the first does."""
+        return np.any(np.diff(self.values, axis=0, prepend=np.nan) != 0, axis=1)
+
     @cached_property
     def _new(self) -> np.ndarray:
         """Whether a sample differs from the one before, (n,); all, unless many repeat."""
-        new = np.concatenate([[True], np.any(np.diff(self.values, axis=0) != 0, axis=1)])[
-            : len(self.t)
-        ]
-        return (
-            new if LEAST_ROWS <= new.sum() <= (1 - REPEATED) * len(new) else np.ones(len(new), bool)
-        )
+        new = self.differs
+        few = LEAST_ROWS <= new.sum() <= (1 - REPEATED) * len(new)
+        return new if few else np.ones(len(new), bool)
 
     @property
     def renewal(self) -> float:
@@ -121,9 +123,7 @@ class Signal:
         Args:
             at: (m,) [s].
         """
-        i, own, x = self.before(at), rate.integral(self.t), self.values
-        missed = (x[i + 1] - x[i]) - (own[i + 1] - own[i])
-        return x[i] + (rate.integral(at) - own[i]) + self._share(i, at) * missed
+        return self.linear(at) + self._bulge(rate, at)
 
     def turned(self, rate: "Signal | None", at: np.ndarray) -> np.ndarray:
         """Return attitudes (m, 4) that follow the body rates between samples, and meet the next
@@ -140,12 +140,15 @@ class Signal:
         step = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
         turn = self._share(i, at) * step[i]
         if rate is not None:
-            own = rate.integral(self.t)
-            missed = self._share(i, at) * (own[i + 1] - own[i])
-            follows = (rate.integral(at) - own[i]) - missed
-            turn = turn + follows * self.within_wide(rate, i)
+            turn += self._bulge(rate, at) * self.within_wide(rate, i)
         out = attitude.multiply(q[i], attitude.from_rotation_vector(turn))
         return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+    def _bulge(self, rate: "Signal", at: np.ndarray) -> np.ndarray:
+        """Return what the integral of a rate adds to a line between samples, (m, k)."""
+        i, total = self.before(at), rate.integral(self.t)
+        line = total[i] + self._share(i, at) * (total[i + 1] - total[i])
+        return rate.integral(at) - line
 
     def within_wide(self, rate: "Signal", i: np.ndarray) -> np.ndarray:
         """Return which intervals i (m,) of samples hold several of a rate, or are gaps that do,
@@ -265,8 +268,9 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
         notes += _without_dropouts(signals, log_map, recording.path)
     for tick, names in ticks.items():
         head = TICKS if tick > LONG_TICK else "times are rounded to "
-        said = f"{head}{1e3 * tick:.3g} ms: {', '.join(names)}; taken as an uncertainty of time"
-        notes.append(said)
+        notes.append(
+            f"{head}{1e3 * tick:.3g} ms: {', '.join(names)}; taken as an uncertainty of time"
+        )
     return signals, notes
 
 
@@ -319,8 +323,7 @@ def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
     Raises: LogError: if there is no such column, or a stream with rows has no time at all.
     """
     streams = dict(recording.streams)
-    source = log_map.time
-    if source:
+    if source := log_map.time:
         name, column = find_column(recording.contents, source.columns[0], recording.path)
         factor = source.scale * UNITS["time"][source.unit or "s"]
         stream = streams[name]
@@ -387,13 +390,11 @@ def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) ->
     throttle or thrust takes their place. Return a line on it, or none.
     Raises: LogError: if too few are left, and nothing takes their place.
     """
-    own = signals["rotor_speed"]
+    own, level = signals["rotor_speed"], None
     name = next((name for name in ("thrust", "throttle") if name in signals), "")
-    level = None
     if name:
-        command = signals[name]
-        values = np.abs(convert_quantity(name, command.values, log_map).mean(axis=1))
-        level = np.interp(own.t, command.t, values)
+        values = convert_quantity(name, signals[name].values, log_map)
+        level = np.interp(own.t, signals[name].t, np.abs(values.mean(axis=1)))
     found, bridged, lost = without_zeros(own, level)
     rows = lost.any(axis=1)
     if name and rows.mean() > MOST_MISSING:

@@ -1,5 +1,5 @@
-"""Fixture: files are read in a fresh process that has imported what reads them, so that its peak
-memory is theirs.
+"""Fixtures: a place for a log; files are read in a fresh process that has imported what reads them,
+so that its peak memory is theirs.
 """
 
 import subprocess
@@ -23,6 +23,12 @@ for line in sys.stdin:
         os._exit(0)
     print("ended", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory) -> Path:
+    """Return a place for a log."""
+    return tmp_path_factory.mktemp("logs") / "log.bin"
 
 
 @pytest.fixture(scope="session")

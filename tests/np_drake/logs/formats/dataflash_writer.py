@@ -59,18 +59,6 @@ def write(
             file.write(_record(definitions[message], *values))
 
 
-def write_text(path: Path, streams: Mapping[str, Stream]) -> None:
-    """Write streams of one instance as a text log."""
-    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
-    for number, (name, stream) in enumerate(streams.items(), start=132):
-        columns = ",".join(["TimeUS", *stream.columns])
-        kinds = "Q" + "d" * len(stream.columns)
-        lines.append(f"FMT, {number}, {3 + 8 * len(kinds)}, {name}, {kinds}, {columns}")
-    for _, message, values in sorted(_rows(streams), key=lambda row: row[0]):
-        lines.append(", ".join([message, *map(repr, values)]))
-    path.write_text("\n".join(lines) + "\n")
-
-
 def _rows(streams: Mapping[str, Stream]) -> Iterator[tuple[float, str, tuple[float, ...]]]:
     for name, stream in streams.items():
         message, _, instance = name.partition(".")

@@ -20,6 +20,15 @@ def noise(columns, t: np.ndarray, seed: int = 0) -> Stream:
     return Stream(t, {c: rng.standard_normal(len(t)) for c in columns})
 
 
+def assert_holds(recording: Recording, streams: dict[str, Stream]) -> None:
+    """Check that all numbers were read; times are rounded to nanoseconds."""
+    assert set(recording.streams) == set(streams)
+    for name, made in streams.items():
+        np.testing.assert_allclose(recording.streams[name].t, made.t, rtol=0, atol=1e-9)
+        for column, values in made.columns.items():
+            np.testing.assert_array_equal(recording.streams[name].columns[column], values)
+
+
 def read(known: Format, path: Path, names: list[str] | None = None) -> Recording:
     """Return the named columns of a file; None: all of them."""
     contents = known.contents(path)

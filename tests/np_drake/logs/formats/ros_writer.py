@@ -33,25 +33,20 @@ def write(
     streams: Mapping[str, Stream],
     *,
     storage: str = "mcap",
-    types: Mapping[str, str] | None = None,
-    unstamped: tuple[str, ...] = (),
     delay: float = 0.0,
-    frame: str = "world",
     compression: str = "",
 ) -> None:
     """Write streams by topic: a ROS 1 bag (`.bag`), a bare `.mcap` or `.db3`, or else a ROS 2
     folder.
 
-    storage: of a folder: `mcap` or `sqlite3`.   types: of topics, where the columns do not say.
-    unstamped: topics whose stamps are zero.   delay: from stamp to receipt [s].
+    storage: of a folder: `mcap` or `sqlite3`.   delay: from stamp to receipt [s].
     compression: of a folder: `file`, `message` or `storage` (of MCAP); of ROS 1: `BZ2` or `LZ4`.
     """
     if path.suffix in (".mcap", ".db3"):
         with tempfile.TemporaryDirectory() as folder:
             bag = Path(folder) / "bag"
             plugin = "mcap" if path.suffix == ".mcap" else "sqlite3"
-            how = {"types": types, "unstamped": unstamped, "delay": delay, "frame": frame}
-            write(bag, streams, storage=plugin, **how)
+            write(bag, streams, storage=plugin, delay=delay)
             path.write_bytes((bag / f"bag{path.suffix}").read_bytes())
         return
     ros1 = path.suffix == ".bag"
@@ -60,17 +55,14 @@ def write(
     with _bag1(path, compression) if ros1 else _bag2(path, storage, compression) as bag:
         messages = []
         for topic, stream in streams.items():
-            name = (types or {}).get(topic) or next(TYPES[c] for c in TYPES if c in stream.columns)
+            name = next(TYPES[c] for c in TYPES if c in stream.columns)
             connection = bag.add_connection(topic, name, typestore=store)
             for row, t in enumerate(stream.t.tolist()):
                 stamp = START + round(t * 1e9)
-                values = {c: v[row] for c, v in stream.columns.items()}
-                if topic not in unstamped:
-                    values |= {
-                        "header.stamp.sec": stamp // 10**9,
-                        "header.stamp.nanosec": stamp % 10**9,
-                    }
-                raw = bytes(serialise(_make(store, name, values, "", frame), name))
+                seconds, nanoseconds = divmod(stamp, 10**9)
+                values = {"header.stamp.sec": seconds, "header.stamp.nanosec": nanoseconds}
+                values |= {c: v[row] for c, v in stream.columns.items()}
+                raw = bytes(serialise(_make(store, name, values, ""), name))
                 messages.append((stamp + round(delay * 1e9), connection, raw))
         for time, connection, raw in sorted(messages, key=lambda m: m[0]):
             bag.write(connection, time, raw)
@@ -91,16 +83,16 @@ def _bag2(path: Path, storage: str, compression: str) -> Writer2:
     return bag
 
 
-def _make(store: Any, name: str, values: Mapping[str, float], path: str, frame: str) -> Any:
+def _make(store: Any, name: str, values: Mapping[str, float], path: str) -> Any:
     """Return a message of a type with values by path; other numbers are zero."""
     fields = {}
     for field, (node, what) in store.fielddefs[name][1]:
         full = path + field
         if node == Nodetype.NAME:
-            fields[field] = _make(store, what, values, f"{full}.", frame)
+            fields[field] = _make(store, what, values, f"{full}.")
         elif node == Nodetype.BASE:
             number = values.get(full, 0)
-            fields[field] = frame if what[0] == "string" else number
+            fields[field] = "world" if what[0] == "string" else number
             if what[0].startswith(("int", "uint")):
                 fields[field] = int(number)
         elif what[0][0] == Nodetype.NAME or what[0][1][0] == "string":

@@ -2,7 +2,6 @@
 
 import contextlib
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,12 +25,6 @@ SIZES = {
 }  # fields that an encoding takes together; 6 as many as follow
 # Values of which two differ, and are foreseen, by no more than the encoding holds.
 LARGEST = {3: 900, 8: 4000}
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory) -> Path:
-    """Return a place for a log."""
-    return tmp_path_factory.mktemp("blackbox") / "log.bbl"
 
 
 everything = partial(read, BLACKBOX)

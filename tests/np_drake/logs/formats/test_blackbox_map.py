@@ -22,12 +22,6 @@ XYZ = range(3)
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory) -> Path:
-    """Return a place for a log."""
-    return tmp_path_factory.mktemp("blackbox") / "log.bbl"
-
-
-@pytest.fixture(scope="module")
 def real_logs(real_flights) -> list[Path]:
     """Return the real logs of Indiflight."""
     found = sorted((real_flights / "indiflight").glob("*.BFL"))

@@ -11,6 +11,7 @@ from np_drake.logs.formats.dataflash import DATAFLASH
 from np_drake.logs.formats.format import Stream, find_column
 from np_drake.logs.formats.library import format_of
 from tests.np_drake.logs.formats import dataflash_writer, made_files
+from tests.np_drake.logs.formats.made_files import assert_holds
 
 T = np.arange(40) * 2500e-6 + 12.5  # [s], whole microseconds
 
@@ -37,15 +38,6 @@ def copter() -> dict[str, Stream]:
 read = partial(made_files.read, DATAFLASH)
 
 
-def assert_same(left: Stream, right: Stream) -> None:
-    np.testing.assert_allclose(
-        left.t, right.t, rtol=0, atol=1e-9
-    )  # rounding of microseconds in seconds
-    assert set(left.columns) == set(right.columns)
-    for name, values in right.columns.items():
-        np.testing.assert_array_equal(left.columns[name], values)
-
-
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
     path = tmp_path / "00000001.BIN"
@@ -55,10 +47,8 @@ def log(tmp_path: Path) -> Path:
 
 def test_what_is_written_is_read(log: Path):
     assert format_of(log) is DATAFLASH
-    recording = read(log)
-    assert set(recording.streams) == set(copter())
-    for name, expected in copter().items():
-        assert_same(recording.streams[name], expected)
+    assert_holds(read(log), copter())
+    assert DATAFLASH.contents(log) == {name: tuple(s.columns) for name, s in copter().items()}
 
 
 def test_values_are_those_of_pymavlink(tmp_path: Path):
@@ -153,8 +143,7 @@ def test_bytes_that_are_no_record_are_stepped_over(log: Path):
     log.write_bytes(content[:at] + bytes(100) + content[at:] + bytes(300))
     recording = read(log)
     assert any("400 bytes are no whole record" in note for note in recording.notes)
-    for name, expected in copter().items():
-        assert_same(recording.streams[name], expected)
+    assert_holds(recording, copter())
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import Recording, Stream, find_column
+from np_drake.logs.formats.format import Stream, find_column
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.ros import IMU, ODOMETRY, ROS, STAMPED_POSE, WRENCH
 
 pytest.importorskip("rosbags")
 
 from tests.np_drake.logs.formats import made_files, ros_writer
+from tests.np_drake.logs.formats.made_files import assert_holds
 
 T = np.arange(60) * 0.01
 FILES = (
@@ -41,16 +42,6 @@ def flight() -> dict[str, Stream]:
 
 
 read = partial(made_files.read, ROS)
-
-
-def assert_holds(recording: Recording, streams: dict[str, Stream]) -> None:
-    assert set(recording.streams) == set(streams)
-    for name, expected in streams.items():
-        np.testing.assert_allclose(
-            recording.streams[name].t, expected.t, rtol=0, atol=1e-9
-        )  # ns of the bag
-        for column, values in expected.columns.items():
-            np.testing.assert_array_equal(recording.streams[name].columns[column], values)
 
 
 @pytest.mark.parametrize("name, compression", FILES)

@@ -1,7 +1,5 @@
 """Laws of MAVLink telemetry logs: a flight comes back from what a ground station received."""
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
 
@@ -143,12 +141,3 @@ def test_a_plane_is_refused_by_its_heartbeat(flown, tmp_path):
     writer.write(path, writer.frames(flown, pulses(flown), kind=1))
     with pytest.raises(LogError, match=r"it is that of a plane \(MAV_TYPE 1\)"):
         import_log(path)
-
-
-def test_a_slow_stream_tells_thrust_and_no_torque(flown, tmp_path):
-    path = tmp_path / "log.tlog"
-    thin = dc.replace(flown, **{k: getattr(flown, k)[::10] for k in ("t", "p", "q", "v", "w")})
-    writer.write(path, writer.frames(thin, pulses(flown)[::10]))
-    dut = import_log(path)
-    assert dut.flights[0].throttle.shape[1] == 1
-    assert any("torque is not told" in line for line in dut.said)

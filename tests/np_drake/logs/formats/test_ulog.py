@@ -3,7 +3,6 @@
 import struct
 import sys
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,15 +15,9 @@ from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.ulog import ULOG
 from np_drake.logs.importing.import_log import import_log
 from tests.np_drake.logs.formats import ulog_writer as writer
-from tests.np_drake.logs.formats.made_files import noise, read
+from tests.np_drake.logs.formats.made_files import assert_holds, noise, read
 
 Q = [f"q[{i}]" for i in range(4)]
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory) -> Path:
-    """Return a place for a log."""
-    return tmp_path_factory.mktemp("ulog") / "log.ulg"
 
 
 def stream(columns, rows=60, rate=50.0, seed=1) -> Stream:
@@ -52,10 +45,7 @@ def test_what_is_written_is_read(log, made):
     assert format_of(log) is ULOG
     assert dut.notes == ()
     assert dut.contents == {name: tuple(s.columns) for name, s in made.items()}
-    for name, expected in made.items():
-        assert dut.streams[name].t == pytest.approx(expected.t, abs=1e-6)  # [s]
-        for column, values in expected.columns.items():
-            assert np.array_equal(dut.streams[name].columns[column], values)
+    assert_holds(dut, made)
 
 
 def sampled(name, delay) -> dict[str, Stream]:

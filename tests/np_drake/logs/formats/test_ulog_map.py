@@ -1,15 +1,15 @@
 """Laws of the map of PX4 logs: which messages are taken, and what the two real logs hold."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 pytest.importorskip("pyulog", reason="ULog needs pyulog")
 
-from np_drake.logs.formats.format import Contents, Recording, Stream, by_stream
+from np_drake.logs.formats.format import Contents, Stream
 from np_drake.logs.formats.ulog import ULOG
+from np_drake.logs.importing.import_log import import_log
 from tests.np_drake.logs.formats import ulog_writer as writer
 
 Q = [f"q[{i}]" for i in range(4)]
@@ -20,12 +20,6 @@ def stream(columns) -> Stream:
     """Return sixty rows at 50 Hz in which every column changes."""
     t = np.arange(60) / 50.0
     return Stream(t, {c: np.sin(7.0 * t + i) for i, c in enumerate(columns)})
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory) -> Path:
-    """Return a place for a log."""
-    return tmp_path_factory.mktemp("ulog") / "log.ulg"
 
 
 STATE: dict[str, tuple[str, ...]] = {
@@ -151,32 +145,11 @@ def test_rotors_not_four_or_logged_slowly_leave_collective_thrust(log, used, rat
     assert ("rotor_speed" in dut) == (used == 4)  # too slow to be an input: it tells a stop
 
 
-def mapped(path: Path) -> Recording:
-    """Read what the default map names."""
-    contents = ULOG.contents(path)
-    dut = ULOG.default_map(contents)
-    assert dut is not None
-    return ULOG.read(path, by_stream(contents, dut.check().names(), str(path)), lambda share: None)
-
-
-def stack(stream: Stream, *columns: str) -> np.ndarray:
-    return np.stack([stream.columns[c] for c in columns], axis=1)
-
-
-def test_the_simulated_flight_of_px4_obeys_kinematics_in_ned_and_frd(real_flights):
-    dut = mapped(real_flights / "ulog" / "sample_px4_events.ulg")
-    place = dut.streams["vehicle_local_position"]
-    flown = (place.t > 18) & (place.t < 25.5)  # [s], from before the start until the ground
-    v = stack(place, "vx", "vy", "vz")[flown]
-    p = stack(place, "x", "y", "z")[flown]
-    t = place.t[flown]
-    moved = np.sum(0.5 * (v[1:] + v[:-1]) * np.diff(t)[:, None], axis=0)
-    assert moved == pytest.approx(p[-1] - p[0], abs=0.1)  # [m], of 2.2 m
-    force = dut.streams["sensor_combined"]
-    mean = np.median(stack(force, *(f"accelerometer_m_s2[{i}]" for i in range(3))), axis=0)
-    assert mean == pytest.approx([0, 0, -9.8], abs=0.1)  # [m/s²], an accelerometer at rest, z down
-    throttle = dut.streams["vehicle_thrust_setpoint"].columns["xyz[2]"]
-    assert -0.6 < throttle.min() < throttle.max() <= 0  # against z of the body
-    assert dut.facts["CA_ROTOR_COUNT"] == "4"
-    assert dut.facts["hardware"] == "PX4_SITL"
-    assert any("xy_valid is 0 in 31 %" in note for note in dut.notes)
+def test_the_simulated_flight_of_px4_agrees_with_ned_and_frd(real_flights):
+    found = import_log(real_flights / "ulog" / "sample_px4_events.ulg")
+    dut = found.sheet.content
+    assert dut["conventions"].startswith("agree with the log in 3 checks")
+    assert (dut["facts"]["CA_ROTOR_COUNT"], dut["facts"]["hardware"]) == ("4", "PX4_SITL")
+    assert any("xy_valid is 0 in 31 %" in note for note in dut["notes"])
+    (log,) = found.flights
+    assert np.median(log.throttle) == pytest.approx(1.0, abs=0.05)  # over that of hover

@@ -24,7 +24,6 @@ def write(
     *,
     facts: Mapping[str, str] | None = None,
     parameters: Mapping[str, float | int] | None = None,
-    dropouts: Sequence[int] = (),
     kinds: Mapping[str, str] | None = None,
 ) -> None:
     """Write streams; a name like `vehicle_imu.1` is a further instance, columns like `q[0]` become
@@ -33,7 +32,6 @@ def write(
     Times are those of `timestamp`, to a microsecond.
     kinds: type by column, `double` where it is missing; the column `timestamp_sample` [us since the
         vehicle's start] is uint64.
-    dropouts: durations [ms].
     """
     kinds = {"timestamp_sample": "uint64_t", **(kinds or {})}
     content = MAGIC + b"\x01" + struct.pack("<Q", START) + message("B", bytes(40))
@@ -53,7 +51,6 @@ def write(
         content += message("A", struct.pack("<BH", int(instance or 0), i) + base.encode())
         rows += _rows(i, stream, kinds)
     rows.sort(key=lambda row: row[0])
-    content += b"".join(message("O", struct.pack("<H", ms)) for ms in dropouts)
     path.write_bytes(content + b"".join(row for _, row in rows))
 
 

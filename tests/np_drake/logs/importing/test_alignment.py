@@ -133,30 +133,6 @@ def test_rows_within_a_gap_of_the_state_are_marked():
     assert not dut.filled[(dut.t < 2.97) | (dut.t > 3.45)].any()
 
 
-@pytest.mark.parametrize(
-    ("rate", "lost", "gap"),
-    [
-        (10.0, (4.05, 4.35), False),  # three samples of calm flight
-        (10.0, (14.05, 14.35), True),  # of a turn
-        (100.0, (4.05, 4.35), True),  # thirty samples
-    ],
-)
-def test_a_gap_is_judged_by_rate_and_motion(rate, lost, gap):
-    signals = signals_at({}, 20.0)
-    del signals["acceleration"]  # which would bridge it
-    t = np.arange(0.0, 20.0, 1.0 / rate)
-    turn = 2.0 * np.clip(t - 10.0, 0.0, None)
-    v = 0.1 * np.cos(2 * t) + 2 * np.sin(turn)
-    p = 0.05 * np.sin(2 * t) + 1 - np.cos(turn)
-    keep = (t < lost[0]) | (t > lost[1])
-    for name, x in (("position", p), ("velocity", v)):
-        signals[name] = Signal(t[keep], np.stack([x, 0 * t, 0 * t], axis=1)[keep])
-    dut = align(signals, PLAIN)
-    inside = (dut.t > lost[0]) & (dut.t < lost[1])
-    assert dut.filled[inside].all()
-    assert dut.torn[inside].all() if gap else not dut.torn.any()
-
-
 @pytest.mark.parametrize("lacks", [(), ("velocity",)])
 def test_gyro_and_accelerometer_bridge_a_gap_of_the_pose(lacks):
     signals = {name: own for name, own in signals_at({}).items() if name not in lacks}

@@ -15,7 +15,6 @@ from np_drake.logs.importing.log_map import (
     Source,
     convert,
     convert_quantity,
-    from_roll_pitch_yaw,
 )
 
 VECTORS = ("position", "velocity", "rates", "acceleration")
@@ -56,13 +55,6 @@ def test_units_are_what_they_say(name, unit, value, si):
     fields = {"kind": "acceleration", "axes": "world"} if name == "acceleration" else {}
     size = 3 if name in VECTORS else 1
     assert np.allclose(one(name, [value] * size, unit=unit, **fields), si, rtol=1e-12)
-
-
-def test_roll_pitch_yaw_turn_about_z_then_y_then_x():
-    dut = from_roll_pitch_yaw(np.array([[0.1, -0.3, 2.0]]))[0]
-    from scipy.spatial.transform import Rotation
-
-    assert np.allclose(dut, np.roll(Rotation.from_euler("ZYX", [2.0, -0.3, 0.1]).as_quat(), 1))
 
 
 @st.composite

@@ -209,7 +209,6 @@ def test_what_is_no_px4_multicopter_is_refused_or_read_by_a_map(
         ("APM:Plane", {}, "a plane (APM:Plane V4.5.7)"),
         ("ArduPlane", {"Q_ENABLE": 1.0}, "a VTOL: a plane (ArduPlane V4.5.7) with Q_ENABLE"),
         ("ArduCopter", {"FRAME_CLASS": 7.0}, "a tricopter (FRAME_CLASS 7)"),
-        ("Frame: HELI", {}, "a helicopter (FRAME_CLASS 6)"),
     ],
 )
 def test_what_is_no_ardupilot_multicopter_is_refused(flown, import_ardupilot, firmware, told, kind):

@@ -110,11 +110,11 @@ def test_start_and_stop_of_a_call_count_from_the_log_s_own_start(flown, import_p
 SIZES = {"position": 3, "velocity": 3, "attitude": 4, "rates": 3, "thrust": 1}
 
 
-def calm_then_turning(lost: float) -> dict[str, Signal]:
-    """Return signals of 20 s, a turn from 10 s on; position and velocity come at 10 Hz and lack
-    those of 0.3 s.
+def calm_then_turning(rate: float, lost: float) -> dict[str, Signal]:
+    """Return signals of 20 s, a turn from 10 s on; position and velocity come at a rate [Hz] and
+    lack those of 0.3 s.
     """
-    fast, slow = 0.003 + 0.01 * np.arange(2000), 0.1 * np.arange(200)
+    fast, slow = 0.003 + 0.01 * np.arange(2000), np.arange(0.0, 20.0, 1.0 / rate)
     slow = slow[(slow < lost) | (slow > lost + 0.3)]
     turn = 2.0 * np.clip(slow - 10.0, 0.0, None)
     v = 0.1 * np.cos(2 * slow) + 2 * np.sin(turn)
@@ -129,13 +129,21 @@ def calm_then_turning(lost: float) -> dict[str, Signal]:
     return {name: Signal(slow if len(x) < 2000 else fast, x) for name, x in values.items()}
 
 
-@pytest.mark.parametrize(("lost", "flights"), [(4.05, 1), (14.05, 2)])
-def test_a_long_gap_that_a_line_bridges_is_marked_in_one_flight(lost, flights):
+@pytest.mark.parametrize(
+    ("rate", "lost", "flights"),
+    [
+        (10.0, 4.05, 1),  # three samples of calm flight
+        (10.0, 14.05, 2),  # of a turn
+        (100.0, 4.05, 2),  # thirty samples
+    ],
+)
+def test_a_gap_is_judged_by_rate_and_motion_and_marked_in_one_flight(rate, lost, flights):
     log_map = LogMap(**{name: Source([name] * size) for name, size in SIZES.items()})
-    dut = import_part(calm_then_turning(lost), log_map, Verdict({}, ()), "log").flights
+    dut = import_part(calm_then_turning(rate, lost), log_map, Verdict({}, ()), "log").flights
     assert len(dut) == flights
     for log in dut:
         t = log.start + log.t
-        inside = (t > lost - 0.05) & (t < lost + 0.35)
+        edge = 0.05 if rate == 10.0 else 0.0
+        inside = (t > lost - edge) & (t < lost + 0.3 + edge)
         assert inside.sum() == (40 if flights == 1 else 0)
         np.testing.assert_array_equal(log.in_gap, inside)

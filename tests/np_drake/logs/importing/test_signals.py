@@ -96,11 +96,6 @@ def angle_between(q, r):
     )
 
 
-def test_attitude_between_samples_of_a_constant_turn_is_exact():
-    dut = Signal(HALF_SECONDS, constant_turn(HALF_SECONDS)).turned(None, BETWEEN)
-    assert angle_between(dut, constant_turn(BETWEEN)).max() < 1e-12  # [rad]
-
-
 def test_attitude_follows_a_growing_rate_between_its_samples():
     fine = np.linspace(0.0, 4.0, 401)
     q = attitude.from_rotation_vector(0.2 * HALF_SECONDS[:, None] ** 2 * AXIS)
@@ -112,11 +107,12 @@ def test_attitude_follows_a_growing_rate_between_its_samples():
     )  # the rate is needed
 
 
-def test_a_gyro_bias_does_not_move_the_attitude_at_its_samples():
+@pytest.mark.parametrize("bias", [None, 0.0, 0.2])
+def test_attitude_in_a_constant_turn_is_exact_whatever_the_bias(bias):
     fine = np.linspace(0.0, 4.0, 401)
-    biased = Signal(fine, (1.3 + 0.2 + 0 * fine[:, None]) * AXIS)
-    dut = Signal(HALF_SECONDS, constant_turn(HALF_SECONDS)).turned(biased, BETWEEN)
-    assert angle_between(dut, constant_turn(BETWEEN)).max() < 1e-12
+    gyro = None if bias is None else Signal(fine, (1.3 + bias + 0 * fine[:, None]) * AXIS)
+    dut = Signal(HALF_SECONDS, constant_turn(HALF_SECONDS)).turned(gyro, BETWEEN)
+    assert angle_between(dut, constant_turn(BETWEEN)).max() < 1e-12  # [rad]
 
 
 def test_constant_acceleration_is_a_parabola_between_samples():
