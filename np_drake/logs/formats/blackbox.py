@@ -504,12 +504,19 @@ def _intervals(settings: Mapping[str, str]) -> np.ndarray:
     return np.array(values).astype(np.int64)
 
 
+def _content(path: Path) -> bytes:
+    try:
+        return decompressed(path)
+    except ValueError as error:
+        raise LogError(str(error)) from error
+
+
 def _contents(path: Path) -> Contents:
     """Return the fields of the frames; reads the headers only.
 
     Raises: LogError: if no header is whole.
     """
-    session = _largest(_sessions(path, decompressed(path))[0])
+    session = _largest(_sessions(path, _content(path))[0])
     revision = session.settings.get("Firmware revision", "")
     count = sum(bool(MOTOR.fullmatch(name)) for name in session.names)
     other = (
@@ -527,7 +534,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
 
     Raises: LogError: if no header is whole, or no log has a frame.
     """
-    content = decompressed(path)
+    content = _content(path)
     known, bad = _sessions(path, content)
     session = _largest(known)
     columns = session.columns

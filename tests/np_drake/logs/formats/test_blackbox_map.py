@@ -54,6 +54,9 @@ def test_what_is_no_multicopter_is_named(log, firmware, motors, kind):
     packed.write_bytes(gzip.compress(log.read_bytes()))
     assert BLACKBOX.recognises(packed, packed.read_bytes())
     assert BLACKBOX.contents(packed).other == kind
+    packed.write_bytes(packed.read_bytes()[:-9])
+    with pytest.raises(LogError, match="must be a whole gzip file"):
+        BLACKBOX.contents(packed)
 
 
 @pytest.mark.parametrize(("resolution", "scale"), [("0", 1.0), ("1", 0.1)])
