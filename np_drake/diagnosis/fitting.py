@@ -78,15 +78,10 @@ def free_parameters(
             elif own is None and not p.choices:
                 scale = width * usual_size(p, vehicle)
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
-        if not term.effect.has_hidden_state:
-            continue
         scale, upper = width * usual_size(MASS, vehicle), MASS.upper
-        found += [
-            Free(i, LOADS, scale, 0.0, 0.0, upper, entry=k)
-            for k, load in enumerate(term.loads)
-            if load > 0.0
-        ]
-        for e in flights:
+        for k in np.flatnonzero(term.loads).tolist():
+            found.append(Free(i, LOADS, scale, 0.0, 0.0, upper, entry=k))
+        for e in flights if term.effect.has_hidden_state else ():
             if term.begins(e.name) != NEVER:
                 scales = priors.swing * np.array([1, 1, 3, 3])  # of angles, and of rates
                 found += [
@@ -125,15 +120,14 @@ def _width(term: Term, vehicle: Vehicle) -> float:
 
 def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
     """Return the values (k,) of the free parameters."""
-
-    def value(f: Free) -> float:
+    values = []
+    for f in free:
+        term = terms[f.term]
         if f.flight:
-            return padded(terms[f.term].hidden.get(f.flight), f.entry + 1)[f.entry]
-        if f.name == LOADS:
-            return terms[f.term].loads[f.entry]
-        return getattr(terms[f.term].effect, f.name)
-
-    return np.array([value(f) for f in free])
+            values.append(padded(term.hidden.get(f.flight), f.entry + 1)[f.entry])
+        else:
+            values.append(term.loads[f.entry] if f.name == LOADS else getattr(term.effect, f.name))
+    return np.array(values)
 
 
 def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> list[Term]:
@@ -307,7 +301,9 @@ def refine(
             score[:n] = derivatives[e.name][some].T @ own[some]
             score[n + at] = X[some].T @ own[some]
             scores.append(score)
-    robust = _robust(covariance, np.array(scores))
+    # Variances grow for residuals that correlate within blocks: sandwich estimator (Huber-White).
+    sandwich = np.sum((np.array(scores) @ covariance) ** 2, axis=0)
+    robust = np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))
     covariance = covariance * np.sqrt(np.outer(robust, robust))
     logdet = np.linalg.slogdet(best.information)[1]
     pairs = list(zip(linear, places((c.size for c in linear), n), strict=True))
@@ -370,25 +366,13 @@ def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
     """Return the positions of the terms whose predicted residuals interact with that of term i, to
     first order.
     """
-
-    def alone(t: Term) -> bool:
-        sensor = isinstance(t.effect, SensorEffect) and not t.effect.shifts_commands
-        return sensor or t.effect.has_hidden_state
-
-    if alone(terms[i]):
-        return (i,)
-    return tuple(j for j, t in enumerate(terms) if not alone(t))
-
-
-def _robust(covariance: np.ndarray, scores: np.ndarray) -> np.ndarray:
-    """Return the factor (k,) by which variances grow for residuals that correlate within blocks, at
-    least 1.
-
-    scores: (b, k) of the blocks.
-    Source: sandwich estimator (Huber-White), clustered by blocks.
-    """
-    sandwich = np.sum((scores @ covariance) ** 2, axis=0)
-    return np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))
+    interact = tuple(
+        j
+        for j, t in enumerate(terms)
+        if not t.effect.has_hidden_state
+        and (not isinstance(t.effect, SensorEffect) or t.effect.shifts_commands)
+    )
+    return interact if i in interact else (i,)
 
 
 EDGE = 1e-3  # share of a parameter's range within which it is at its bound [1]; own choice

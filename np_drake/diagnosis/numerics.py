@@ -242,11 +242,7 @@ def fit_noise(
 
 def _autocovariance(e: np.ndarray) -> np.ndarray:
     """Return the sums of lagged products (`ORDER` + 1,) of e (n,)."""
-    size = 2 ** int(np.ceil(np.log2(len(e) + ORDER + 1)))
-    # Wiener-Khinchin: the autocovariance is the inverse transform of the power, zero-padded against
-    # wrap-around.
-    power = np.abs(np.fft.rfft(e, size)) ** 2
-    return np.fft.irfft(power, size)[: ORDER + 1]
+    return scipy.signal.correlate(e, e, method="fft")[len(e) - 1 :][: ORDER + 1]
 
 
 def places(sizes: Iterable[int], first: int = 0) -> list[slice]:

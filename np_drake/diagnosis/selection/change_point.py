@@ -7,7 +7,6 @@ import copy
 import dataclasses as dc
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from np_drake.diagnosis.regressors import (
     times_of_changes,
     wind_candidates,
 )
-from np_drake.diagnosis.residuals import LEAST_DURATION, FlightResiduals
+from np_drake.diagnosis.residuals import LEAST_DURATION
 from np_drake.diagnosis.selection.payload_search import (
     AT_REST,
     LEAST_MASS_DEVIATIONS,
@@ -62,10 +61,7 @@ class TriedOnsets:
         self.onset: float | None = None
         self.inside, self.goes_on = inside, goes_on
         self.rows = self.inside[::COARSE]
-        self.sums = self._begun(self.rows)
-
-    def _begun(self, rows: np.ndarray) -> Sums:
-        return self._flight.begun(self._X, self._whole, rows)
+        self.sums = flight.begun(X, self._whole, self.rows)
 
     def finer(self, profile: np.ndarray) -> np.ndarray:
         """Return untried rows about the best of the profile (n,)."""
@@ -78,7 +74,7 @@ class TriedOnsets:
         """Add the sums at these rows."""
         order = np.argsort(np.concatenate([self.rows, rows]))
         self.rows = np.concatenate([self.rows, rows])[order]
-        self.sums = self.sums.joined(self._begun(rows), order)
+        self.sums = self.sums.joined(self._flight.begun(self._X, self._whole, rows), order)
 
     def most_likely(self, profile: np.ndarray) -> int:
         """Return the row in the middle of the span of `SPAN` that most likely holds the onset.
@@ -108,7 +104,8 @@ class TriedOnsets:
         if row is None:
             self.now, self.onset = self.start, None
         else:
-            self.now, self.onset = self._begun(np.array([row])), float(self._flight.t[row])
+            self.now = self._flight.begun(self._X, self._whole, np.array([row]))
+            self.onset = float(self._flight.t[row])
 
 
 @dc.dataclass(frozen=True)
@@ -127,13 +124,7 @@ class Onsets:
     evidence: float
 
 
-class Steps(NamedTuple):
-    """Times (k,) at which the size of an effect changes in a flight [s], and the sizes (k + 1,)
-    between them [1].
-    """
-
-    times: tuple[float, ...]
-    sizes: np.ndarray
+Times = dict[str, tuple[float, ...]]  # at which the size of an effect changes, by flight [s]
 
 
 class OnsetScan:
@@ -189,8 +180,8 @@ class OnsetScan:
         return float(self._evidence(first, rest)[0])
 
     def _left(self, name: str, candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
-        """Return for a candidate of one column its X'X and X'y (m + 1,) over all rows of a flight
-        from each row on, y less the posterior mean of what acts as well but for `PIECES`.
+        """Return for the first column of a candidate its X'X and X'y (m + 1,) over all rows of a
+        flight from each row on, y less the posterior mean of what acts as well but for `PIECES`.
         """
         pieces = [c.variant == PIECES for c in self.problem.candidates]
         mean = np.where(np.append(pieces, False)[self._owner], 0.0, self.mean)
@@ -203,13 +194,13 @@ class OnsetScan:
         priors, rows = self.problem.options.priors, max(len(f.t) for f in self._flights.values())
         return priors.onset_gain - priors.onset + math.log(rows)
 
-    def steps(self, candidate: Candidate) -> dict[str, Steps]:
-        """Return by flight when the size of a candidate of one column changes, and its sizes.
+    def steps(self, candidate: Candidate) -> Times:
+        """Return when the size of the first column of a candidate changes.
 
         Every size has its prior; no change follows another by less than `edge`.
         Source: optimal partitioning (Jackson et al. 2005).
         """
-        found = dict[str, Steps]()
+        found = Times()
         for name, flight in self._flights.items():
             rows = np.array([0, *self._inside[name][::COARSE], len(flight.t)])
             XX, Xy = (sums[rows] for sums in self._left(name, candidate))
@@ -227,15 +218,14 @@ class OnsetScan:
             ends = [len(rows) - 1]
             while ends[0]:
                 ends.insert(0, int(before[ends[0]]))
-            sizes = (product / precision)[ends[:-1], ends[1:]]
-            found[name] = Steps(tuple(flight.t[rows[ends[1:-1]]].tolist()), sizes)
+            found[name] = tuple(flight.t[rows[ends[1:-1]]].tolist())
         return found
 
-    def changes(self, candidate: Candidate, sizes: Sequence[float]) -> dict[str, tuple[float, ...]]:
-        """Return by flight the times at which a candidate of one column changes to the next of its
-        sizes (k + 1,), the first of which it has from the start [s]; infinite: not there.
+    def changes(self, candidate: Candidate, sizes: Sequence[float]) -> Times:
+        """Return when the first column of a candidate changes to the next of its sizes (k + 1,),
+        the first of which it has from the start; infinite: not there.
         """
-        found = dict[str, tuple[float, ...]]()
+        found = Times()
         for name, flight in self._flights.items():
             barred = np.ones(len(flight.t) + 1, bool)
             barred[[0, *self._inside[name], -1]] = False
@@ -370,35 +360,30 @@ ROUNDS = 4  # in which steps are sought, at most
 MOST_CHANGES = 4  # of a load in a flight: more of them are wind; source: own choice
 
 
-def in_pieces(
-    candidate: Candidate, flights: Sequence[FlightResiduals], steps: dict[str, Steps]
-) -> Candidate:
-    """Return a candidate of one column cut at its steps, a column for every piece of a flight."""
-    at = places(len(steps[e.name].sizes) for e in flights)
-    columns = {e.name: np.zeros((*e.y.shape, at[-1].stop)) for e in flights}
-    for e, own in zip(flights, at, strict=True):
-        begun = np.stack([e.begun(t) for t in (None, *steps[e.name].times, NEVER)], axis=-1)
-        columns[e.name][..., own] = candidate.columns[e.name] * -np.diff(begun, axis=-1)
-    return dc.replace(candidate, variant=PIECES, columns=columns, physical=None)
-
-
 def _in_steps(
     problem: RegressionProblem, weight: Candidate, others: Sequence[int], least: float
-) -> tuple[list[float], dict[str, tuple[float, ...]]]:
-    """Return the sizes of a weight (one column) in turn, alike in all flights and `least` apart,
-    and by flight the times at which it changes to the next [s].
+) -> tuple[list[float], Times]:
+    """Return the sizes of a weight, the first column of a candidate, in turn, alike in all flights
+    and `least` apart, and when it changes to the next.
 
     Beside all `others` that may act. Steps that are too many do no harm at first: in their pieces
     they leave what else acts to its own columns, beside which they are sought anew.
     """
-    found, scan = dict[str, Steps](), OnsetScan(problem, others)
+    found, scan = Times(), OnsetScan(problem, others)
     for _ in range(ROUNDS):
         before, found = found, scan.steps(weight)
-        if {n: f.times for n, f in found.items()} == {n: f.times for n, f in before.items()}:
+        if found == before:
             break
-        scan = _beside(problem, others, in_pieces(weight, problem.flights, found))
-    most = max(len(f.times) for f in found.values())
-    sizes = np.mean([f.sizes for f in found.values() if len(f.times) == most], axis=0).tolist()
+        at = places(len(times) + 1 for times in found.values())
+        columns = {e.name: np.zeros((*e.y.shape, at[-1].stop)) for e in problem.flights}
+        for e, own in zip(problem.flights, at, strict=True):
+            begun = np.stack([e.begun(t) for t in (None, *found[e.name], NEVER)], axis=-1)
+            columns[e.name][..., own] = weight.columns[e.name][..., :1] * -np.diff(begun, axis=-1)
+        pieces = dc.replace(weight, variant=PIECES, columns=columns, physical=None)
+        scan = OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
+    every = [scan.mean[-at[-1].stop :][own] for own in at]
+    most = max(map(len, every))
+    sizes = np.mean([own for own in every if len(own) == most], axis=0).tolist()
     while len(sizes) > 1:
         steps = np.abs(np.diff(sizes))
         k = int(np.argmin(steps))
@@ -406,11 +391,6 @@ def _in_steps(
             break
         sizes[k : k + 2] = [0.5 * (sizes[k] + sizes[k + 1])]
     return sizes, scan.changes(weight, sizes)
-
-
-def _beside(problem: RegressionProblem, others: Sequence[int], pieces: Candidate) -> OnsetScan:
-    """Return the scan beside some candidates and `PIECES`."""
-    return OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
 
 
 def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
@@ -437,7 +417,7 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     (unit,) = weights[0].terms(np.eye(weights[0].size)[0])
     least = options.materiality.force * flights[0].vehicle.mass
     least /= next(iter(unit.effect.values.values()))  # [kg]
-    sizes, changes = _in_steps(problem, _first_column(weights[0]), acting, least)
+    sizes, changes = _in_steps(problem, weights[0], acting, least)
     if len(sizes) > 1 + MOST_CHANGES:
         return []
     others = [c for c in plain if c.size <= 3 and PAYLOAD not in c.identifiers]
@@ -464,10 +444,6 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     return found
 
 
-def _first_column(candidate: Candidate) -> Candidate:
-    return dc.replace(candidate, columns={n: X[..., :1] for n, X in candidate.columns.items()})
-
-
 def _without(term: Term, k: int) -> Term:
     """Return a payload without one of its changes."""
     changes = {name: (*times[:k], *times[k + 1 :]) for name, times in term.changes.items()}
@@ -483,7 +459,8 @@ def _sharpened(
     flights, priors = problem.flights, problem.options.priors
     payload = payload_about(flights, dc.replace(guess, onset=onset), priors)
     pieces = dc.replace(payload.candidate(flights), variant=PIECES)
-    scan, own = _beside(problem, others, pieces), slice(-payload.size, None)
+    scan = OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
+    own = slice(-payload.size, None)
     sizes = payload.masses @ scan.mean[own]
     deviations = np.sqrt(np.diag(payload.masses @ scan.covariance[own, own] @ payload.masses.T))
     least = problem.options.materiality.force / priors.payload_mass
@@ -497,10 +474,8 @@ def _sharpened(
         return _sharpened(problem, others, _without(term, int(np.argmin(steps))), onset)
     bare = payload_about(flights, dc.replace(term, loads=(), changes={}), priors, shaped=False)
     unit = bare.guess.effect.values["mass"]
-    changes = scan.changes(
-        _first_column(bare.candidate(flights)),
-        [mass / unit for mass in (term.effect.values["mass"], *term.loads)],
-    )
+    masses = [mass / unit for mass in (term.effect.values["mass"], *term.loads)]
+    changes = scan.changes(bare.candidate(flights), masses)
     moved = payload_about(flights, dc.replace(term, changes=changes), priors).candidate(flights)
     instants = [*(t for times in changes.values() for t in times), *onset.values()]
     begun = sum(t is not None and t != NEVER for t in instants)

@@ -11,6 +11,7 @@ import dataclasses as dc
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import scipy
@@ -192,9 +193,12 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     return mean + more, log_probability
 
 
-def payload_of(length: float, onset: Onset | None = None) -> Term:
-    """Return a payload at rest on a tether of this length [m] from Bo, without damping."""
-    return Term(SuspendedPayload(1.0, length, 0.0, 0.0, 0.0), onset or {})
+def payload_of(length: float, **how: Any) -> Term:
+    """Return a payload of 1 kg at rest on a tether of this length [m] from Bo, without damping.
+
+    how: onset, loads and changes, as of `Term`.
+    """
+    return Term(SuspendedPayload(1.0, length, 0.0, 0.0, 0.0), **how)
 
 
 def payload_about(
@@ -360,7 +364,6 @@ class OtherRegressors:
 
 
 KEPT = 3  # candidates of the search
-FOLLOWED = 2  # lengths followed from each profile
 LOST = -400.0  # log evidence below which a guess that is followed is given up
 DISTINCT = 12  # number of lengths that can be told apart, for the prior of one
 NEAR = 0.06  # relative difference below which lengths are the same [1]
@@ -411,10 +414,10 @@ class PayloadSearch:
         loads: Sequence[float] = (),
         changes: Mapping[str, tuple[float, ...]] = MappingProxyType({}),
     ):
-        self._flights, self._onset = list(flights), onset
-        self._loads, self._changes = tuple(loads), dict(changes)
-        self._priors = options.priors
-        self.lengths = search_lengths(flights) if lengths is None else lengths
+        self._flights, self._onset, self._priors = list(flights), onset or {}, options.priors
+        lengths = search_lengths(flights) if lengths is None else lengths
+        how = {"onset": self._onset, "loads": tuple(loads), "changes": dict(changes)}
+        self._at_rest = [payload_of(length, **how) for length in lengths.tolist()]
 
     def followed(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
@@ -435,14 +438,11 @@ class PayloadSearch:
             return []
         starts: dict[tuple[bool, int, float], None] = {}
         for (alone, horizon), profile in gains.items():
-            peaks: list[int] = []  # by height, none next to a higher one
-            for i in np.argsort(-profile).tolist():
-                if all(abs(i - k) > 1 for k in peaks):
-                    peaks.append(i)
-            starts |= dict.fromkeys((alone, peaks[0], first) for first in (ENDS[0], horizon))
-            starts |= dict.fromkeys((alone, i, horizon) for i in peaks[1:FOLLOWED])
-        every = [self._payload(length) for length in self.lengths.tolist()]
-        found = [self._follow(beside, every[i], first, alone) for alone, i, first in starts]
+            best, *order = np.argsort(-profile).tolist()
+            second = next((i for i in order if abs(i - best) > 1), best)
+            ways = ((best, ENDS[0]), (best, horizon), (second, horizon))
+            starts |= dict.fromkeys((alone, *way) for way in ways)
+        found = [self._follow(beside, self._at_rest[i], first, alone) for alone, i, first in starts]
         return self._distinct(beside, found)
 
     def from_guesses(
@@ -450,13 +450,8 @@ class PayloadSearch:
     ) -> list[tuple[Term, Candidate]]:
         """Return payloads followed from guesses whose swing is not known."""
         beside = OtherRegressors(self._flights, noise, nuisance, [], self._onset)
-        begun = [dc.replace(g, onset=self._onset or {}, hidden={}) for g in guesses]
+        begun = [dc.replace(g, onset=self._onset, hidden={}) for g in guesses]
         return self._distinct(beside, [self._follow(beside, g, HORIZONS[0]) for g in begun])
-
-    def _payload(self, length: float) -> Term:
-        """Return a payload at rest on a tether of this length [m], with the loads of the search."""
-        payload = payload_of(length, self._onset)
-        return dc.replace(payload, loads=self._loads, changes=self._changes)
 
     def _distinct(
         self, beside: OtherRegressors, found: Sequence[PayloadColumns | None]
@@ -464,7 +459,7 @@ class PayloadSearch:
         """Return the best, of different lengths."""
         kept: list[tuple[Term, Candidate]] = []
         scored = [(beside.gain(p, math.inf)[0], p) for p in found if p is not None]
-        prior, lengths = -math.log(len(self.lengths) / DISTINCT), list[float]()
+        prior, lengths = -math.log(len(self._at_rest) / DISTINCT), list[float]()
         for _, payload in sorted(scored, key=lambda f: -f[0]):
             length = payload.guess.effect.values["length"]
             if len(kept) < KEPT and all(abs(math.log(length / of)) > NEAR for of in lengths):
@@ -480,8 +475,7 @@ class PayloadSearch:
         gains: dict[tuple[bool, float], list[float]] = {
             (a, h): [] for a in (False, True) for h in ENDS
         }
-        for length in self.lengths.tolist():
-            guess = self._payload(length)
+        for guess in self._at_rest:
             payload = payload_about(self._flights, guess, self._priors, shaped=False)
             for horizon in ENDS:
                 for alone, gram in zip((False, True), beside.grams(payload, horizon), strict=True):
@@ -491,7 +485,7 @@ class PayloadSearch:
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Term) -> Onset:
         """Return sharpened onsets [s] of a payload like the guess, its swing free."""
-        found, priors = dict(self._onset or {}), self._priors
+        found, priors = dict(self._onset), self._priors
 
         def best_about(e: FlightResiduals, near: float, span: float, step: float) -> float:
             """Return the best instant of one flight within `span` of `near` [s]."""
