@@ -208,12 +208,12 @@ def _with_onset(
         flight, noise, flight.y - rest, trace - rest, sizes, priors.onset_gain
     )
     k = int(np.argmax(profile))
-    late = profile[k] - profile[0] >= (priors.onset_gain if known else priors.new_onset_gain)
-    if not late or (k == len(t) - 1 and not known):
+    gain = priors.onset_gain if known else priors.new_onset_gain
+    if profile[k] - profile[0] < gain or (t[k] == NEVER and not known):
         k = 0
     if k == 0 and not term.loads:
         return term
-    onset = None if k == 0 else NEVER if k == len(t) - 1 else float(t[k])
+    onset = float(t[k]) if k else None
     changes = {flight.name: times_of_changes(t, following, k)}
     begun = dc.replace(term, onset={flight.name: onset}, hidden={}, changes=changes)
     return _anchored([*terms[:i], begun, *terms[i + 1 :]], i, flight, noise, priors, onset)

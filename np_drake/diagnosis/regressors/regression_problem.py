@@ -326,8 +326,8 @@ def onset_log_likelihood(
     sizes: Sequence[float] = (1.0,),
     cost: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (n,) times of the grid, the last one "not at all", log likelihoods if `own` begins
-    there, and the rows at which it then changes (`ordered_changes`).
+    """Return (n,) times of the grid, the last one `NEVER`, log likelihoods if `own` begins there,
+    and the rows at which it then changes (`ordered_changes`).
 
     Args:
         target: (m, 15) residual without the effect.
@@ -344,7 +344,7 @@ def onset_log_likelihood(
         np.concatenate([a[:1], b, 0 * a[:1]])
         for a, b in ((whole.XX[..., 0], begun.XX[..., 0]), (whole.Xy, begun.Xy))
     )
-    times = np.append(t, t[-1] + flight.grid.step)
+    times = np.append(t, NEVER)
     barred = (times < t[0] + 0.3) & (times > t[0])
     return times, *ordered_changes(XX[:, 0], Xy[:, 0], sizes, cost, barred)
 
@@ -380,7 +380,7 @@ def times_of_changes(t: np.ndarray, following: np.ndarray, first: int) -> tuple[
     overtakes.
 
     Args:
-        t: (n,) times [s], the last one "not at all".
+        t: (n,) times [s], the last one `NEVER`.
         following: (k, n) rows by `ordered_changes`.
     """
     rows = list[int]()

@@ -63,15 +63,10 @@ class TriedOnsets:
         self.rows = self.inside[::COARSE]
         self.sums = flight.begun(X, self._whole, self.rows)
 
-    def finer(self, profile: np.ndarray) -> np.ndarray:
-        """Return untried rows about the best of the profile (n,)."""
-        if not len(profile):
-            return self.rows
+    def refine(self, profile: np.ndarray) -> None:
+        """Add the untried rows about the best of the profile (n,)."""
         about = self.inside[np.abs(self.inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
-        return np.setdiff1d(about, self.rows)
-
-    def add(self, rows: np.ndarray) -> None:
-        """Add the sums at these rows."""
+        rows = np.setdiff1d(about, self.rows)
         order = np.argsort(np.concatenate([self.rows, rows]))
         self.rows = np.concatenate([self.rows, rows])[order]
         self.sums = self.sums.joined(self._flight.begun(self._X, self._whole, rows), order)
@@ -265,9 +260,8 @@ class OnsetScan:
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
                 profile = self._evidence(scan.sums, rest)
-                finer = scan.finer(profile)
-                if len(finer):
-                    scan.add(finer)
+                if len(profile):
+                    scan.refine(profile)
                     profile = self._evidence(scan.sums, rest)
                 start, never = self._evidence(scan.ends, rest).tolist()
                 others = any(s.begins for n, s in scans.items() if n != name)
@@ -288,10 +282,9 @@ class OnsetScan:
                 else:
                     scan.settle(None)
             if not any(scan.begins for scan in scans.values()):
+                for scan in scans.values():
+                    scan.settle(None)  # what begins nowhere lacks nowhere
                 break
-        if not any(scan.begins for scan in scans.values()):  # what begins nowhere lacks nowhere
-            for scan in scans.values():
-                scan.settle(None)
         onset: dict[str, float | None] = {
             name: scan.onset for name, scan in scans.items() if scan.onset is not None
         }

@@ -145,8 +145,12 @@ class PayloadColumns:
             swing[name] = np.clip(before + move * units, -WIDEST * units, WIDEST * units)
         loads = np.array(self.guess.loads)
         loads[loads > 0] = known["mass"] * np.maximum(self.masses[1:] @ c, LIGHTEST)
-        moved = Term(SuspendedPayload.of(values), self.guess.onset, swing)
-        return dc.replace(moved, loads=tuple(loads.tolist()), changes=self.guess.changes)
+        return dc.replace(
+            self.guess,
+            effect=SuspendedPayload.of(values),
+            hidden=swing,
+            loads=tuple(loads.tolist()),
+        )
 
     def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
         """Return a candidate with columns for all channels, physical where mass is positive and
@@ -222,7 +226,6 @@ def payload_about(
     for k in np.flatnonzero(loads).tolist():
         heavier = (*loads[:k], loads[k] + SMALL * unit, *loads[k + 1 :])
         shapes.append(dc.replace(guess, loads=heavier))
-        widths.append(1.0)
     rate, own = math.sqrt(flights[0].vehicle.gravity / values["length"]), {}
     for e in flights:
         size = hidden_size(e, guess.begins(e.name)) if shaped else STATE
@@ -235,7 +238,8 @@ def payload_about(
         X[:, :1] = rest
         # A hook acts on the torque alone, to first order.
         X[:, 1:AT_REST, TORQUE] = np.cross(priors.hook * np.eye(3), rest[..., FORCE])
-        scale = np.array([*widths, *[priors.swing] * size]) / SMALL
+        loaded = [1.0] * (len(shapes) - len(widths))
+        scale = np.array([*widths, *loaded, *[priors.swing] * size]) / SMALL
         X[:, AT_REST:] = (moved - rest) * scale[:, None]
         own[e.name] = np.swapaxes(X, 1, 2) * e.shown[:, None]
     return PayloadColumns(guess, own, rate, priors, shaped)
