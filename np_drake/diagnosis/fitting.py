@@ -203,10 +203,8 @@ class Fit:
 
         On a flight of the fit, sensor errors are removed as well.
         """
-        residual = e.y - predicted_residual(e, self.everything)
-        return e.bridged(
-            residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual
-        )
+        drift = self.sensor_drift.get(e.name, 0.0)
+        return e.bridged(e.y - predicted_residual(e, self.everything) - drift)
 
     def onset_prior_of(self, i: int) -> float:
         """Return the part of the log prior of all onsets that is that of term i; 0 if it acts from

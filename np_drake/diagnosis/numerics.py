@@ -341,13 +341,13 @@ class Gram:
         return found
 
 
-def _alike(sizes: Sequence[int], at_once: int = AT_ONCE) -> Iterator[np.ndarray]:
-    """Yield positions of nonempty sets of equal size, at most `at_once` matrix entries at a
+def _alike(sizes: Sequence[int]) -> Iterator[np.ndarray]:
+    """Yield positions of nonempty sets of equal size, at most `AT_ONCE` matrix entries at a
     time.
     """
     for size in set(sizes) - {0}:
         same = np.flatnonzero(np.equal(sizes, size))
-        most = max(1, at_once // size**2)
+        most = max(1, AT_ONCE // size**2)
         yield from (same[first : first + most] for first in range(0, len(same), most))
 
 

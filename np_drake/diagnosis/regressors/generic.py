@@ -172,7 +172,7 @@ def _candidate(
     it.
     """
 
-    def columns(e: FlightResiduals, pushes: Pushes = pushes) -> np.ndarray:
+    def columns(e: FlightResiduals) -> np.ndarray:
         state = states.get(e.name) or FlightState(e)
         size = priors.generic_size * e.weight * np.append(np.ones(3), state.torque_unit)
         unscaled = pushes(state)

@@ -53,11 +53,10 @@ class WhiteNuisance:
         first, order = 0, noise.phi.shape[1]
         for e in flights:
             parts = [e.y[..., None][..., :0], *(c.columns[e.name] for c in linear)]
-            there = np.concatenate([part.any(axis=(0, 1)) for part in parts])
-            acting = [p[..., p.any(axis=(0, 1))] for p in parts]
-            white = root * e.white(noise, np.concatenate(acting, axis=-1))
+            columns = np.concatenate(parts, axis=-1)
+            at = np.flatnonzero(columns.any(axis=(0, 1)))
             last = first + (len(e.t) - order) * noise.phi.shape[0]
-            X, at = white.reshape(last - first, white.shape[-1]), np.flatnonzero(there)
+            X = root * e.white(noise, columns[..., at]).reshape(last - first, len(at))
             self.rows[e.name], first = slice(first, last), last
             self.columns[e.name] = X, at
             self.gram[np.ix_(at, at)] += X.T @ X

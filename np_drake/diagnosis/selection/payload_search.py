@@ -197,12 +197,12 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     return mean + more, log_probability
 
 
-def payload_of(length: float, **how: Any) -> Term:
+def payload_of(length: float, onset: Onset | None = None, **how: Any) -> Term:
     """Return a payload of 1 kg at rest on a tether of this length [m] from Bo, without damping.
 
-    how: onset, loads and changes, as of `Term`.
+    how: loads and changes, as of `Term`.
     """
-    return Term(SuspendedPayload(1.0, length, 0.0, 0.0, 0.0), **how)
+    return Term(SuspendedPayload(1.0, length, 0.0, 0.0, 0.0), onset or {}, **how)
 
 
 def payload_about(
@@ -420,8 +420,8 @@ class PayloadSearch:
     ):
         self._flights, self._onset, self._priors = list(flights), onset or {}, options.priors
         lengths = search_lengths(flights) if lengths is None else lengths
-        how = {"onset": self._onset, "loads": tuple(loads), "changes": dict(changes)}
-        self._at_rest = [payload_of(length, **how) for length in lengths.tolist()]
+        how = {"loads": tuple(loads), "changes": dict(changes)}
+        self._at_rest = [payload_of(length, onset, **how) for length in lengths.tolist()]
 
     def followed(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
