@@ -334,6 +334,13 @@ def scaled_jacobian(
     base: dict[tuple[int, ...], np.ndarray] = {}
     stages: Stages = {}
     swinging: dict[int, list[tuple[int, float, Term]]] = {}
+    # Terms whose predicted residuals interact, to first order.
+    interact = tuple(
+        i
+        for i, t in enumerate(now)
+        if not t.effect.has_hidden_state
+        and (not isinstance(t.effect, SensorEffect) or t.effect.shifts_commands)
+    )
     for k, f in enumerate(free):
         if f.flight and f.flight != flight.name:
             continue
@@ -342,10 +349,10 @@ def scaled_jacobian(
         if values[k] + step > f.upper:
             step = -step
         moved = write(now, [f], np.array([values[k] + step]))
-        group = _group(now, f.term)
-        if now[f.term].effect.has_hidden_state and len(group) == 1:
+        if now[f.term].effect.has_hidden_state:
             swinging.setdefault(f.term, []).append((k, step, moved[f.term]))
             continue
+        group = interact if f.term in interact else (f.term,)
         if group not in base:
             base[group] = predicted_residual(flight, [now[i] for i in group], stages)
         columns[..., k] = (
@@ -358,19 +365,6 @@ def scaled_jacobian(
         for i, (k, step, _) in enumerate(moves, start=1):
             columns[:, WRENCH, k] = (wrench[:, i] - wrench[:, 0]) / step * scale[k]
     return columns
-
-
-def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
-    """Return the positions of the terms whose predicted residuals interact with that of term i, to
-    first order.
-    """
-    interact = tuple(
-        j
-        for j, t in enumerate(terms)
-        if not t.effect.has_hidden_state
-        and (not isinstance(t.effect, SensorEffect) or t.effect.shifts_commands)
-    )
-    return interact if i in interact else (i,)
 
 
 EDGE = 1e-3  # share of a parameter's range within which it is at its bound [1]; own choice

@@ -511,9 +511,6 @@ def gate(t: np.ndarray, onset: float | None) -> np.ndarray:
     )
 
 
-Begun = tuple[WrenchEffect, float | None]  # an effect and its onset [s]
-
-
 class Turned(NamedTuple):
     """Response of the rotors: thrust [N] and the rotors' accelerations [rad/s²] at the instants of
     force (n, 4) and of torque (n-1, 4).
@@ -587,10 +584,10 @@ def _acting(
 
 
 def _motions(
-    flight: FlightResiduals, turned: Turned, winds: Sequence[Begun]
+    flight: FlightResiduals, turned: Turned, winds: Sequence[tuple[WrenchEffect, float | None]]
 ) -> tuple[Motion, Motion]:
-    """Return the motions at the instants of force and of torque, with the air velocity of the
-    winds.
+    """Return the motions at the instants of force and of torque, with the air velocity of winds
+    from their onsets on.
     """
 
     def at(instants: Instants, x: np.ndarray, f: np.ndarray, rate: np.ndarray) -> Motion:

@@ -48,19 +48,15 @@ class TriedOnsets:
     Args:
         X: (m', 15, k) columns of the candidate.
         inside: rows that may be onsets.
-        goes_on: whether the effect may be absent, as the flight goes on or was before.
     """
 
-    def __init__(
-        self, flight: SwitchedRegressors, X: np.ndarray, inside: np.ndarray, *, goes_on: bool
-    ):
+    def __init__(self, flight: SwitchedRegressors, X: np.ndarray, inside: np.ndarray):
         self._flight, self._X, self._whole = flight, X, flight.whole(X)
         self.ends = self._whole.rows([0, -1])  # from the start, and never
         self.start, self.never = self.ends.rows([0]), self.ends.rows([1])
         self.now = self.start
         self.onset: float | None = None
-        self.inside, self.goes_on = inside, goes_on
-        self.rows = self.inside[::COARSE]
+        self.inside, self.rows = inside, inside[::COARSE]
         self.sums = flight.begun(X, self._whole, self.rows)
 
     def refine(self, profile: np.ndarray) -> None:
@@ -132,6 +128,7 @@ class OnsetScan:
         self._products = np.zeros((size + 1, size + 1))
         # Either side of what begins is then as long as a flight that can be diagnosed.
         self._edge = edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
+        # From which an effect may be absent, as they go on or were before.
         self._go_on = {e.name for e in problem.flights if e.goes_on or e.earlier}
         self._flights: dict[str, SwitchedRegressors] = {}
         self._inside: dict[str, np.ndarray] = {}  # rows that may be onsets
@@ -236,7 +233,7 @@ class OnsetScan:
         a row has one in all rows, one that is known to half a flight has one half.
         """
         scans = {
-            n: TriedOnsets(f, candidate.columns[n], self._inside[n], goes_on=n in self._go_on)
+            n: TriedOnsets(f, candidate.columns[n], self._inside[n])
             for n, f in self._flights.items()
         }
         found = [self._climbed(scans)]
@@ -265,7 +262,7 @@ class OnsetScan:
                     profile = self._evidence(scan.sums, rest)
                 start, never = self._evidence(scan.ends, rest).tolist()
                 others = any(s.begins for n, s in scans.items() if n != name)
-                may_lack = others and scan.goes_on
+                may_lack = others and name in self._go_on
                 # The log width of the profile's peak, in shares of the flight.
                 widths[name] = -np.inf
                 if len(profile):
@@ -486,15 +483,13 @@ def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
     problem, scan = scan.problem, scan.given(())
     if PAYLOAD in hidden_from(problem.flights):
         return []
-    weights, options = list[Candidate](), problem.options
-    noise, nuisance = problem.noise, problem.nuisance
-    for c in (c for c in problem.candidates if not c.onset):
-        if c.identifiers == (PAYLOAD,) and not any(PAYLOAD in w.identifiers for w in weights):
-            # Its mass and hook alone, as if its swing were known.
-            at_rest = {n: X[..., :AT_REST] for n, X in c.columns.items()}
-            weights.insert(0, dc.replace(c, columns=at_rest))
-        elif c.identifiers in WEIGHTS:
-            weights.append(c)
+    noise, nuisance, options = problem.noise, problem.nuisance, problem.options
+    plain = [c for c in problem.candidates if not c.onset]
+    weights = [c for c in plain if c.identifiers in WEIGHTS]
+    for c in [c for c in plain if c.identifiers == (PAYLOAD,)][:1]:
+        # Its mass and hook alone, as if its swing were known.
+        at_rest = {n: X[..., :AT_REST] for n, X in c.columns.items()}
+        weights.insert(0, dc.replace(c, columns=at_rest))
     heavy = [f for f in map(scan.best, weights) if f.onset]
     heavy = [f for f in heavy if f.gain + f.prior > options.priors.onset_gain]
     if not heavy:
