@@ -72,7 +72,7 @@ def wind_force(
     def loss(z: np.ndarray) -> float:
         # Restricted likelihood: the mean, projected out of the whitened forces, costs
         # log(1'C^-1 1) / 2 an axis.
-        F, one, logdet = _whitened(level, size_of_bin, *np.exp(z))
+        F, one, logdet = whitened(level, size_of_bin, *np.exp(z))
         weight = one @ one
         power = np.sum(F**2) - np.sum((one @ F) ** 2) / weight
         return float(0.5 * (power + F.shape[1] * (logdet + np.log(weight))))
@@ -92,7 +92,7 @@ def wind_force(
         SURE
         * np.sqrt(np.diag(np.linalg.inv(vectors @ np.diag(np.maximum(values, 0.25)) @ vectors.T)))
     )
-    F, one, _ = _whitened(pieces, size_of_bin, deviation, time, white)
+    F, one, _ = whitened(pieces, size_of_bin, deviation, time, white)
     mean = one @ F / (one @ one)  # generalised least squares, of variance 1 / (1'C^-1 1)
     return WindForce(
         np.stack([mean, np.full(3, SURE / np.sqrt(one @ one))], axis=1),
@@ -102,7 +102,7 @@ def wind_force(
     )
 
 
-def _whitened(
+def whitened(
     pieces: Sequence[np.ndarray], size, deviation, time, white
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return forces (k, a) and ones (k,) whitened, all spans in a row, and the log determinant of

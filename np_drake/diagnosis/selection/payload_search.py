@@ -483,8 +483,8 @@ class PayloadSearch:
             payload = payload_about(self._flights, guess, self._priors, shaped=False)
             for horizon in ENDS:
                 for alone, gram in zip((False, True), beside.grams(payload, horizon), strict=True):
-                    evidence = gram.log_evidence(np.arange(payload.size))
-                    gains[alone, horizon].append(evidence + payload.log_prior)
+                    gain = payload.log_prior + gram.log_evidence(np.arange(payload.size))
+                    gains[alone, horizon].append(gain)
         return {asked: np.array(profile) for asked, profile in gains.items()}
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Term) -> Onset:
