@@ -26,12 +26,7 @@ from np_drake.diagnosis.regressors import (
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import LEAST_DURATION
-from np_drake.diagnosis.selection.payload_search import (
-    AT_REST,
-    LEAST_MASS_DEVIATIONS,
-    PayloadSearch,
-    payload_about,
-)
+from np_drake.diagnosis.selection.payload_search import AT_REST, PayloadSearch, payload_about
 from np_drake.effects.library import effect_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
@@ -450,22 +445,17 @@ def _sharpened(
     payload = payload_about(flights, dc.replace(guess, onset=onset), priors)
     pieces = dc.replace(payload.candidate(flights), variant=PIECES)
     scan = OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
-    own = slice(-payload.size, None)
-    sizes = payload.masses @ scan.mean[own]
-    deviations = np.sqrt(np.diag(payload.masses @ scan.covariance[own, own] @ payload.masses.T))
-    least = problem.options.materiality.force / priors.payload_mass
-    if np.any(sizes < np.maximum(least, LEAST_MASS_DEVIATIONS * deviations)):
+    term = payload.moved(scan.mean[-payload.size :])
+    masses = np.array([term.effect.values["mass"], *term.loads])
+    steps = np.abs(np.diff(masses))
+    least = problem.options.materiality.force * flights[0].vehicle.mass
+    if not len(steps) or np.min(masses[masses > 0]) < least:
         return None
-    term = payload.moved(scan.mean[own])
-    steps = np.abs(np.diff([term.effect.values["mass"], *term.loads]))
-    if not len(steps):
-        return None
-    if steps.min() < problem.options.materiality.force * flights[0].vehicle.mass:
+    if steps.min() < least:
         return _sharpened(problem, others, _without(term, int(np.argmin(steps))), onset)
     bare = payload_about(flights, dc.replace(term, loads=(), changes={}), priors, shaped=False)
-    unit = bare.guess.effect.values["mass"]
-    masses = [mass / unit for mass in (term.effect.values["mass"], *term.loads)]
-    changes = scan.changes(bare.candidate(flights), masses)
+    sizes = (masses / bare.guess.effect.values["mass"]).tolist()
+    changes = scan.changes(bare.candidate(flights), sizes)
     moved = payload_about(flights, dc.replace(term, changes=changes), priors).candidate(flights)
     instants = [*(t for times in changes.values() for t in times), *onset.values()]
     begun = sum(t is not None and t != NEVER for t in instants)

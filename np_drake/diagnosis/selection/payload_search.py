@@ -54,13 +54,12 @@ class PayloadColumns:
     """Payload columns with prior N(0, 1), by flight, without those that are zero there (the swings
     of other flights).
 
-    The order over all flights is mass, hook (3), length and damping (if `shaped`), the loads after
-    changes, and the swings of one flight after the other. The mass scales all loads.
+    The order over all flights is mass, hook (3), length and damping (if `shaped`), and the swings
+    of one flight after the other. The mass scales all loads.
 
     Args:
         guess: payload about which columns are linear; its mass is that of a coefficient of one.
-        own: by flight, (m, 6, k') force and torque: at rest, length, damping, loads, and the swing
-            there.
+        own: by flight, (m, 6, k') force and torque: at rest, length, damping, and the swing there.
         rate: natural rate [1/s].
     """
 
@@ -71,26 +70,9 @@ class PayloadColumns:
     shaped: bool = False
 
     @property
-    def loads(self) -> slice:
-        """Columns of the loads that are not zero."""
-        begin = AT_REST + SHAPE * self.shaped
-        return slice(begin, begin + np.count_nonzero(self.guess.loads))
-
-    @property
     def first(self) -> int:
         """Number of columns before those of swings."""
-        return self.loads.stop
-
-    @property
-    def masses(self) -> np.ndarray:
-        """(1 + loads, size) matrix from coefficients to the mass and the loads that are not zero,
-        over the mass of the guess [1].
-        """
-        hung = [load for load in self.guess.loads if load > 0]
-        matrix = np.zeros((1 + len(hung), self.size))
-        matrix[:, 0] = [1.0, *(load / self.guess.effect.values["mass"] for load in hung)]
-        matrix[1:, self.loads] = np.eye(len(hung))
-        return matrix
+        return AT_REST + SHAPE * self.shaped
 
     @property
     def swings(self) -> dict[str, slice]:
@@ -125,8 +107,7 @@ class PayloadColumns:
         The coefficients of length, hook, damping and swing are products with the mass.
         """
         known, share = self.guess.effect.values, max(c[0], LIGHTEST)
-        shape = c[AT_REST : self.loads.start] / share
-        stretch, brake = shape if self.shaped else np.zeros(SHAPE)
+        stretch, brake = c[AT_REST : self.first] / share if self.shaped else np.zeros(SHAPE)
         length = known["length"] * (1 + np.clip(stretch * self.priors.length, -0.2, 0.2))
         values = {
             "mass": share * known["mass"],
@@ -143,13 +124,11 @@ class PayloadColumns:
             move = np.clip(c[span] / share, -4.0, 4.0) * self.priors.swing
             before = padded(self.guess.hidden.get(name), len(units))
             swing[name] = np.clip(before + move * units, -WIDEST * units, WIDEST * units)
-        loads = np.array(self.guess.loads)
-        loads[loads > 0] = known["mass"] * np.maximum(self.masses[1:] @ c, LIGHTEST)
         return dc.replace(
             self.guess,
             effect=SuspendedPayload.of(values),
             hidden=swing,
-            loads=tuple(loads.tolist()),
+            loads=tuple(share * load for load in self.guess.loads),
         )
 
     def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
@@ -223,9 +202,6 @@ def payload_about(
         for change in ({"length": longer}, {"damping": braked}):
             shapes.append(dc.replace(guess, effect=SuspendedPayload.of({**values, **change})))
         widths = [priors.length, priors.damping]
-    for k in np.flatnonzero(loads).tolist():
-        heavier = (*loads[:k], loads[k] + SMALL * unit, *loads[k + 1 :])
-        shapes.append(dc.replace(guess, loads=heavier))
     rate, own = math.sqrt(flights[0].vehicle.gravity / values["length"]), {}
     for e in flights:
         size = hidden_size(e, guess.begins(e.name)) if shaped else STATE
@@ -238,8 +214,7 @@ def payload_about(
         X[:, :1] = rest
         # A hook acts on the torque alone, to first order.
         X[:, 1:AT_REST, TORQUE] = np.cross(priors.hook * np.eye(3), rest[..., FORCE])
-        loaded = [1.0] * (len(shapes) - len(widths))
-        scale = np.array([*widths, *loaded, *[priors.swing] * size]) / SMALL
+        scale = np.array([*widths, *[priors.swing] * size]) / SMALL
         X[:, AT_REST:] = (moved - rest) * scale[:, None]
         own[e.name] = np.swapaxes(X, 1, 2) * e.shown[:, None]
     return PayloadColumns(guess, own, rate, priors, shaped)
