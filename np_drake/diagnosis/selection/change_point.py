@@ -410,14 +410,16 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     for none in (order[:1], order[:2], order[:0]):
         loads = np.array(sizes) - min(sizes) + (not len(none))
         loads[none] = 0.0
+        kept = np.flatnonzero(np.diff(loads)).tolist()
+        times = {n: tuple(every[k] for k in kept) for n, every in changes.items()}
         late = int(loads[0] == 0.0)
-        base, *rest = loads[late:].tolist() or [0.0]
-        if not base or not rest:
+        if len(kept) <= late:  # nothing changes after the begin
             continue
-        onset: Onset = {n: min(times) for n, times in changes.items()} if late else {}
+        onset: Onset = {n: min(own) for n, own in times.items()} if late else {}
         onset |= {e.name: NEVER for e in flights if e.earlier}
-        later = {n: times[late:] for n, times in changes.items()}
-        ratios = [load / base for load in rest]
+        later = {n: own[late:] for n, own in times.items()}
+        base, *rest = [loads[0], *loads[1:][kept]][late:]
+        ratios = [float(load / base) for load in rest]
         search = PayloadSearch(flights, options, onset, loads=ratios, changes=later)
         followed = search.followed(problem.noise, problem.nuisance, others)
         if followed:
@@ -429,17 +431,11 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     return found
 
 
-def _without(term: Term, k: int) -> Term:
-    """Return a payload without one of its changes."""
-    changes = {name: (*times[:k], *times[k + 1 :]) for name, times in term.changes.items()}
-    return dc.replace(term, loads=(*term.loads[:k], *term.loads[k + 1 :]), changes=changes)
-
-
 def _sharpened(
     problem: RegressionProblem, others: Sequence[int], guess: Term, onset: Onset
 ) -> Candidate | None:
     """Return a payload with changes to the row: where its loads, as they are beside `others`, come
-    one after the other. Steps that are immaterial are left out; none where a load is.
+    one after the other; none where a load is immaterial.
     """
     flights, priors = problem.flights, problem.options.priors
     payload = payload_about(flights, dc.replace(guess, onset=onset), priors)
@@ -447,12 +443,9 @@ def _sharpened(
     scan = OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
     term = payload.moved(scan.mean[-payload.size :])
     masses = np.array([term.effect.values["mass"], *term.loads])
-    steps = np.abs(np.diff(masses))
     least = problem.options.materiality.force * flights[0].vehicle.mass
-    if not len(steps) or np.min(masses[masses > 0]) < least:
+    if np.min(masses[masses > 0]) < least:
         return None
-    if steps.min() < least:
-        return _sharpened(problem, others, _without(term, int(np.argmin(steps))), onset)
     bare = payload_about(flights, dc.replace(term, loads=(), changes={}), priors, shaped=False)
     sizes = (masses / bare.guess.effect.values["mass"]).tolist()
     changes = scan.changes(bare.candidate(flights), sizes)
