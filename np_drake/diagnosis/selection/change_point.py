@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model import NEVER, Term
+from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.numerics import places, scale_only
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
@@ -425,35 +425,13 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
         if followed:
             guess, candidate = followed[0]
             onset = search.when(problem.noise, problem.nuisance, guess)
-            sharp = _sharpened(problem, acting, guess, onset)
-            if sharp is not None:
-                found.append(dc.replace(sharp, log_prior=candidate.log_prior))
+            payload = payload_about(flights, dc.replace(guess, onset=onset), options.priors)
+            instants = [*(t for own in later.values() for t in own), *onset.values()]
+            begun = sum(t is not None and t != NEVER for t in instants)
+            prior = begun * (options.priors.onset - math.log(max(len(e.t) for e in flights)))
+            sharp = payload.candidate(flights)
+            found.append(dc.replace(sharp, log_prior=candidate.log_prior, onset_prior=prior))
     return found
-
-
-def _sharpened(
-    problem: RegressionProblem, others: Sequence[int], guess: Term, onset: Onset
-) -> Candidate | None:
-    """Return a payload with changes to the row: where its loads, as they are beside `others`, come
-    one after the other; none where a load is immaterial.
-    """
-    flights, priors = problem.flights, problem.options.priors
-    payload = payload_about(flights, dc.replace(guess, onset=onset), priors)
-    pieces = dc.replace(payload.candidate(flights), variant=PIECES)
-    scan = OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
-    term = payload.moved(scan.mean[-payload.size :])
-    masses = np.array([term.effect.values["mass"], *term.loads])
-    least = problem.options.materiality.force * flights[0].vehicle.mass
-    if np.min(masses[masses > 0]) < least:
-        return None
-    bare = payload_about(flights, dc.replace(term, loads=(), changes={}), priors, shaped=False)
-    sizes = (masses / bare.guess.effect.values["mass"]).tolist()
-    changes = scan.changes(bare.candidate(flights), sizes)
-    moved = payload_about(flights, dc.replace(term, changes=changes), priors).candidate(flights)
-    instants = [*(t for times in changes.values() for t in times), *onset.values()]
-    begun = sum(t is not None and t != NEVER for t in instants)
-    prior = begun * (priors.onset - math.log(max(len(e.t) for e in flights)))
-    return dc.replace(moved, onset_prior=prior)
 
 
 def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:

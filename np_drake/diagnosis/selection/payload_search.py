@@ -106,7 +106,7 @@ class PayloadColumns:
 
         The coefficients of length, hook, damping and swing are products with the mass.
         """
-        known, share = self.guess.effect.values, max(c[0], LIGHTEST)
+        known, share = self.guess.effect.values, max(float(c[0]), LIGHTEST)
         stretch, brake = c[AT_REST : self.first] / share if self.shaped else np.zeros(SHAPE)
         length = known["length"] * (1 + np.clip(stretch * self.priors.length, -0.2, 0.2))
         values = {
