@@ -390,8 +390,7 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     white = scale_only([problem.noise.rms[None]], problem.noise.step)
     problem = problem.extended([], white)
     plain = [c for c in problem.candidates if not c.onset]
-    weights = [c for c in plain if c.identifiers == (PAYLOAD,)]
-    weights += [c for c in plain if c.identifiers == WEIGHTS[0]]
+    weights = [c for own in ((PAYLOAD,), WEIGHTS[0]) for c in plain if c.identifiers == own]
     if PAYLOAD in hidden_from(flights) or not weights:
         return []
     acting = [
@@ -426,8 +425,7 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
             guess, candidate = followed[0]
             onset = search.when(problem.noise, problem.nuisance, guess)
             payload = payload_about(flights, dc.replace(guess, onset=onset), options.priors)
-            instants = [*(t for own in later.values() for t in own), *onset.values()]
-            begun = sum(t is not None and t != NEVER for t in instants)
+            begun = sum(t != NEVER for own in times.values() for t in own)
             prior = begun * (options.priors.onset - math.log(max(len(e.t) for e in flights)))
             sharp = payload.candidate(flights)
             found.append(dc.replace(sharp, log_prior=candidate.log_prior, onset_prior=prior))
