@@ -418,7 +418,7 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
         onset |= {e.name: NEVER for e in flights if e.earlier}
         later = {n: own[late:] for n, own in times.items()}
         base, *rest = [loads[0], *loads[1:][kept]][late:]
-        ratios = [float(load / base) for load in rest]
+        ratios = tuple(float(load / base) for load in rest)
         search = PayloadSearch(flights, options, onset, loads=ratios, changes=later)
         followed = search.followed(problem.noise, problem.nuisance, others)
         if followed:

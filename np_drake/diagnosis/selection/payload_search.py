@@ -9,8 +9,7 @@ Source: progressive horizons, as in multiple shooting; own choice of both.
 
 import dataclasses as dc
 import math
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -176,12 +175,12 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     return mean + more, log_probability
 
 
-def payload_of(length: float, onset: Onset | None = None, **how: Any) -> Term:
+def payload_of(length: float, onset: Onset | None = None, **loads: Any) -> Term:
     """Return a payload of 1 kg at rest on a tether of this length [m] from Bo, without damping.
 
-    how: loads and changes, as of `Term`.
+    loads: loads and changes, as of `Term`.
     """
-    return Term(SuspendedPayload(1.0, length, 0.0, 0.0, 0.0), onset or {}, **how)
+    return Term(SuspendedPayload(1.0, length, 0.0, 0.0, 0.0), onset or {}, **loads)
 
 
 def payload_about(
@@ -380,8 +379,7 @@ class PayloadSearch:
     Args:
         onset: onsets of the payload by flight [s].
         lengths: of tethers (n,) [m]; default: `search_lengths`.
-        loads: of the payload after its changes, over its mass before them [1].
-        changes: times of these by flight [s].
+        loads: loads and changes, as of `Term`, of a payload of 1 kg.
     """
 
     def __init__(
@@ -390,13 +388,11 @@ class PayloadSearch:
         options: Options,
         onset: Onset | None = None,
         lengths: np.ndarray | None = None,
-        loads: Sequence[float] = (),
-        changes: Mapping[str, tuple[float, ...]] = MappingProxyType({}),
+        **loads: Any,
     ):
         self._flights, self._onset, self._priors = list(flights), onset or {}, options.priors
         lengths = search_lengths(flights) if lengths is None else lengths
-        how = {"loads": tuple(loads), "changes": dict(changes)}
-        self._at_rest = [payload_of(length, onset, **how) for length in lengths.tolist()]
+        self._at_rest = [payload_of(length, onset, **loads) for length in lengths.tolist()]
 
     def followed(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
