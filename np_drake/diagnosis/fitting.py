@@ -78,15 +78,10 @@ def free_parameters(
             elif own is None and not p.choices:
                 scale = width * usual_size(p, vehicle)
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
-        if not term.effect.has_hidden_state:
-            continue
         scale, upper = width * usual_size(MASS, vehicle), MASS.upper
-        found += [
-            Free(i, LOADS, scale, 0.0, 0.0, upper, entry=k)
-            for k, load in enumerate(term.loads)
-            if load > 0.0
-        ]
-        for e in flights:
+        for k in np.flatnonzero(term.loads).tolist():
+            found.append(Free(i, LOADS, scale, 0.0, 0.0, upper, entry=k))
+        for e in flights if term.effect.has_hidden_state else ():
             if term.begins(e.name) != NEVER:
                 scales = priors.swing * np.array([1, 1, 3, 3])  # of angles, and of rates
                 found += [
@@ -125,15 +120,14 @@ def _width(term: Term, vehicle: Vehicle) -> float:
 
 def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
     """Return the values (k,) of the free parameters."""
-
-    def value(f: Free) -> float:
+    values = []
+    for f in free:
+        term = terms[f.term]
         if f.flight:
-            return padded(terms[f.term].hidden.get(f.flight), f.entry + 1)[f.entry]
-        if f.name == LOADS:
-            return terms[f.term].loads[f.entry]
-        return getattr(terms[f.term].effect, f.name)
-
-    return np.array([value(f) for f in free])
+            values.append(padded(term.hidden.get(f.flight), f.entry + 1)[f.entry])
+        else:
+            values.append(term.loads[f.entry] if f.name == LOADS else getattr(term.effect, f.name))
+    return np.array(values)
 
 
 def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> list[Term]:
@@ -209,10 +203,8 @@ class Fit:
 
         On a flight of the fit, sensor errors are removed as well.
         """
-        residual = e.y - predicted_residual(e, self.everything)
-        return e.bridged(
-            residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual
-        )
+        drift = self.sensor_drift.get(e.name, 0.0)
+        return e.bridged(e.y - predicted_residual(e, self.everything) - drift)
 
     def onset_prior_of(self, i: int) -> float:
         """Return the part of the log prior of all onsets that is that of term i; 0 if it acts from
@@ -307,7 +299,9 @@ def refine(
             score[:n] = derivatives[e.name][some].T @ own[some]
             score[n + at] = X[some].T @ own[some]
             scores.append(score)
-    robust = _robust(covariance, np.array(scores))
+    # Variances grow for residuals that correlate within blocks: sandwich estimator (Huber-White).
+    sandwich = np.sum((np.array(scores) @ covariance) ** 2, axis=0)
+    robust = np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))
     covariance = covariance * np.sqrt(np.outer(robust, robust))
     logdet = np.linalg.slogdet(best.information)[1]
     pairs = list(zip(linear, places((c.size for c in linear), n), strict=True))
@@ -340,6 +334,13 @@ def scaled_jacobian(
     base: dict[tuple[int, ...], np.ndarray] = {}
     stages: Stages = {}
     swinging: dict[int, list[tuple[int, float, Term]]] = {}
+    # Terms whose predicted residuals interact, to first order.
+    interact = tuple(
+        i
+        for i, t in enumerate(now)
+        if not t.effect.has_hidden_state
+        and (not isinstance(t.effect, SensorEffect) or t.effect.shifts_commands)
+    )
     for k, f in enumerate(free):
         if f.flight and f.flight != flight.name:
             continue
@@ -348,10 +349,10 @@ def scaled_jacobian(
         if values[k] + step > f.upper:
             step = -step
         moved = write(now, [f], np.array([values[k] + step]))
-        group = _group(now, f.term)
-        if now[f.term].effect.has_hidden_state and len(group) == 1:
+        if now[f.term].effect.has_hidden_state:
             swinging.setdefault(f.term, []).append((k, step, moved[f.term]))
             continue
+        group = interact if f.term in interact else (f.term,)
         if group not in base:
             base[group] = predicted_residual(flight, [now[i] for i in group], stages)
         columns[..., k] = (
@@ -364,31 +365,6 @@ def scaled_jacobian(
         for i, (k, step, _) in enumerate(moves, start=1):
             columns[:, WRENCH, k] = (wrench[:, i] - wrench[:, 0]) / step * scale[k]
     return columns
-
-
-def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
-    """Return the positions of the terms whose predicted residuals interact with that of term i, to
-    first order.
-    """
-
-    def alone(t: Term) -> bool:
-        sensor = isinstance(t.effect, SensorEffect) and not t.effect.shifts_commands
-        return sensor or t.effect.has_hidden_state
-
-    if alone(terms[i]):
-        return (i,)
-    return tuple(j for j, t in enumerate(terms) if not alone(t))
-
-
-def _robust(covariance: np.ndarray, scores: np.ndarray) -> np.ndarray:
-    """Return the factor (k,) by which variances grow for residuals that correlate within blocks, at
-    least 1.
-
-    scores: (b, k) of the blocks.
-    Source: sandwich estimator (Huber-White), clustered by blocks.
-    """
-    sandwich = np.sum((scores @ covariance) ** 2, axis=0)
-    return np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))
 
 
 EDGE = 1e-3  # share of a parameter's range within which it is at its bound [1]; own choice

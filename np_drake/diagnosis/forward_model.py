@@ -238,24 +238,6 @@ def specific_pull(
     return begun * (held @ flight.R_WB)
 
 
-def _carried(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
-    """Return the masses (n, m, 3) of payloads on the grid, smeared as forces are [kg].
-
-    Args:
-        terms: payloads, whose masses change when that of the first does.
-    """
-    masses = np.array([t.effect.payload.mass for t in terms])[:, None]  # type: ignore[attr-defined]
-    changes = terms[0].changes.get(flight.name, ())
-    if not changes:
-        return masses
-    begun = np.array([flight.begun(t)[:, FORCE] for t in (None, *changes)])
-    # A load hangs until the next one does; one that never does hangs at no time.
-    following = np.maximum.accumulate(begun[:0:-1])[::-1]
-    begun[:-1] -= following
-    loads = np.hstack([masses, [t.loads for t in terms]])
-    return np.einsum("mk,kni->nmi", loads, np.maximum(begun, 0.0))
-
-
 def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
     """Return the wrenches (n, m, 6) of payloads in B on the grid [N, N·m].
 
@@ -273,7 +255,11 @@ def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray
         np.array([getattr(p, name) for p in payloads]) for name in ("length", "damping")
     )
     pull = specific_pull(flight, lengths, swing, hooks, onset, damping)
-    force = _carried(flight, terms) * pull
+    carried = np.array([[p.mass] for p in payloads])  # smeared at its changes as forces are [kg]
+    for k, change in enumerate(terms[0].changes.get(flight.name, ())):
+        load = np.array([[t.loads[k]] for t in terms])
+        carried = carried + flight.begun(change)[:, None, FORCE] * (load - carried)
+    force = carried * pull
     return np.concatenate([force, np.cross(hooks, force)], axis=2)
 
 
@@ -525,9 +511,6 @@ def gate(t: np.ndarray, onset: float | None) -> np.ndarray:
     )
 
 
-Begun = tuple[WrenchEffect, float | None]  # an effect and its onset [s]
-
-
 class Turned(NamedTuple):
     """Response of the rotors: thrust [N] and the rotors' accelerations [rad/s²] at the instants of
     force (n, 4) and of torque (n-1, 4).
@@ -601,10 +584,10 @@ def _acting(
 
 
 def _motions(
-    flight: FlightResiduals, turned: Turned, winds: Sequence[Begun]
+    flight: FlightResiduals, turned: Turned, winds: Sequence[tuple[WrenchEffect, float | None]]
 ) -> tuple[Motion, Motion]:
-    """Return the motions at the instants of force and of torque, with the air velocity of the
-    winds.
+    """Return the motions at the instants of force and of torque, with the air velocity of winds
+    from their onsets on.
     """
 
     def at(instants: Instants, x: np.ndarray, f: np.ndarray, rate: np.ndarray) -> Motion:

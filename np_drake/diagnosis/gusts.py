@@ -72,7 +72,7 @@ def wind_force(
     def loss(z: np.ndarray) -> float:
         # Restricted likelihood: the mean, projected out of the whitened forces, costs
         # log(1'C^-1 1) / 2 an axis.
-        F, one, logdet = _whitened(level, size_of_bin, *np.exp(z))
+        F, one, logdet = whitened(level, size_of_bin, *np.exp(z))
         weight = one @ one
         power = np.sum(F**2) - np.sum((one @ F) ** 2) / weight
         return float(0.5 * (power + F.shape[1] * (logdet + np.log(weight))))
@@ -92,7 +92,7 @@ def wind_force(
         SURE
         * np.sqrt(np.diag(np.linalg.inv(vectors @ np.diag(np.maximum(values, 0.25)) @ vectors.T)))
     )
-    F, one, _ = _whitened(pieces, size_of_bin, deviation, time, white)
+    F, one, _ = whitened(pieces, size_of_bin, deviation, time, white)
     mean = one @ F / (one @ one)  # generalised least squares, of variance 1 / (1'C^-1 1)
     return WindForce(
         np.stack([mean, np.full(3, SURE / np.sqrt(one @ one))], axis=1),
@@ -102,7 +102,7 @@ def wind_force(
     )
 
 
-def _whitened(
+def whitened(
     pieces: Sequence[np.ndarray], size, deviation, time, white
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return forces (k, a) and ones (k,) whitened, all spans in a row, and the log determinant of
@@ -297,7 +297,8 @@ def still_air_loss(
     bins = forces(e, residual)[:, :2]
     if not options.tolerance.real:
         count = 2 * np.arange(len(bins))
-        power = _before(np.sum(bins**2, axis=1))
+        squares = np.sum(bins**2, axis=1)
+        power = np.cumsum(squares) - squares
         noise = np.maximum(wind.white**2, power / np.maximum(count, 1))
         return power / noise + count * np.log(noise)
     size = e.weight * options.tolerance.attitude
@@ -319,18 +320,14 @@ def _still_air_loss_of(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
     """
     n = len(root)
     pieces = [bins[i : i + n] for i in range(0, len(bins), n)]
-    return _before(np.concatenate([_loss_of_bins(p, root[: len(p), : len(p)]) for p in pieces]))
+    loss = np.concatenate([_loss_of_bins(p, root[: len(p), : len(p)]) for p in pieces])
+    return np.cumsum(loss) - loss
 
 
 def _loss_of_bins(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
     """Return (k,) the -2 log likelihood of each bin (k, 2) after those before it."""
     white = scipy.linalg.solve_triangular(root, bins, lower=True)
     return np.sum(white**2, axis=1) + 4 * np.log(np.diag(root))
-
-
-def _before(values: np.ndarray) -> np.ndarray:
-    """Return (k,) the sums of the values before each."""
-    return np.concatenate([[0.0], np.cumsum(values)[:-1]])
 
 
 WEAKEST = 1e-4  # level drag through which anything acts [N·s/m]; own choice

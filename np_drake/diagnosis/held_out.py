@@ -159,20 +159,13 @@ def scored_on_fitted_rows(terms: Sequence[Term], flight: FlightResiduals) -> boo
 
 
 def _anchored(
-    terms: Sequence[Term],
-    i: int,
-    flight: FlightResiduals,
-    noise: NoiseModel,
-    priors: Priors,
-    onset: float | None = None,
+    terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> Term:
     """Return the term, its swing fitted to the rows at its start, then every jump to those after
     the outlier.
     """
-    now = list(terms)
-    for k, rows in enumerate(
-        hidden_state_rows(dc.replace(terms[i], onset={flight.name: onset}), flight)
-    ):
+    now, onset = list(terms), terms[i].begins(flight.name)
+    for k, rows in enumerate(hidden_state_rows(terms[i], flight)):
         fit = SwingFit(now, i, flight, noise, onset, rows, priors)
         swing = fit.descend_from_grid(fit.known, slice(k * STATE, (k + 1) * STATE))
         now[i] = fit.term(swing)
@@ -202,34 +195,41 @@ def _with_onset(
     rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
     trace = predicted_residual(flight, terms)
     if term.effect.has_hidden_state and (known or not term.loads):
-        trace = _span_by_span(terms, i, flight, noise, priors)
+        trace = _span_by_span(terms, i, flight, noise, priors, trace, rest)
     sizes = [1.0, *(load / term.effect.values["mass"] for load in term.loads)]
     t, profile, following = onset_log_likelihood(
         flight, noise, flight.y - rest, trace - rest, sizes, priors.onset_gain
     )
     k = int(np.argmax(profile))
-    late = profile[k] - profile[0] >= (priors.onset_gain if known else priors.new_onset_gain)
-    if not late or (k == len(t) - 1 and not known):
+    gain = priors.onset_gain if known else priors.new_onset_gain
+    if profile[k] - profile[0] < gain or (t[k] == NEVER and not known):
         k = 0
     if k == 0 and not term.loads:
         return term
-    onset = None if k == 0 else NEVER if k == len(t) - 1 else float(t[k])
+    onset = {flight.name: float(t[k]) if k else None}
     changes = {flight.name: times_of_changes(t, following, k)}
-    begun = dc.replace(term, onset={flight.name: onset}, hidden={}, changes=changes)
-    return _anchored([*terms[:i], begun, *terms[i + 1 :]], i, flight, noise, priors, onset)
+    begun = dc.replace(term, onset=onset, hidden={}, changes=changes)
+    return _anchored([*terms[:i], begun, *terms[i + 1 :]], i, flight, noise, priors)
 
 
 def _span_by_span(
-    terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors
+    terms: Sequence[Term],
+    i: int,
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    followed: np.ndarray,
+    rest: np.ndarray,
 ) -> np.ndarray:
     """Return (m, 15) the predicted residual with a payload that swings in every span as that span
     shows it by itself, whichever of its loads hangs there.
 
     A swing that is followed from the start of the flight is wrong wherever the payload was hung on
     later; where it explains a span better, it is right.
+
+    Args:
+        followed: (m, 15) the predicted residual with such a swing; rest: without the payload.
     """
-    followed = predicted_residual(flight, terms)
-    rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
     trace, mass = followed.copy(), terms[i].effect.values["mass"]
     for start in np.arange(flight.t[0], flight.t[-1], HIDDEN_SPAN):
         rows = (flight.t >= start) & (flight.t < start + HIDDEN_SPAN)

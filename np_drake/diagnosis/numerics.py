@@ -242,11 +242,7 @@ def fit_noise(
 
 def _autocovariance(e: np.ndarray) -> np.ndarray:
     """Return the sums of lagged products (`ORDER` + 1,) of e (n,)."""
-    size = 2 ** int(np.ceil(np.log2(len(e) + ORDER + 1)))
-    # Wiener-Khinchin: the autocovariance is the inverse transform of the power, zero-padded against
-    # wrap-around.
-    power = np.abs(np.fft.rfft(e, size)) ** 2
-    return np.fft.irfft(power, size)[: ORDER + 1]
+    return scipy.signal.correlate(e, e, method="fft")[len(e) - 1 :][: ORDER + 1]
 
 
 def places(sizes: Iterable[int], first: int = 0) -> list[slice]:
@@ -345,13 +341,13 @@ class Gram:
         return found
 
 
-def _alike(sizes: Sequence[int], at_once: int = AT_ONCE) -> Iterator[np.ndarray]:
-    """Yield positions of nonempty sets of equal size, at most `at_once` matrix entries at a
+def _alike(sizes: Sequence[int]) -> Iterator[np.ndarray]:
+    """Yield positions of nonempty sets of equal size, at most `AT_ONCE` matrix entries at a
     time.
     """
     for size in set(sizes) - {0}:
         same = np.flatnonzero(np.equal(sizes, size))
-        most = max(1, at_once // size**2)
+        most = max(1, AT_ONCE // size**2)
         yield from (same[first : first + most] for first in range(0, len(same), most))
 
 

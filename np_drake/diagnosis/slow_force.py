@@ -16,9 +16,9 @@ from np_drake.diagnosis.gusts import (
     WindForce,
     binned,
     drags,
-    factor,
     forces,
     spans,
+    whitened,
     width,
     wind_force,
 )
@@ -230,9 +230,6 @@ def position_p_value(
 
 def _about_its_mean(span: np.ndarray, width: float, wind: WindForce) -> np.ndarray:
     """Return (k, a) columns whitened, without what is constant before it was."""
-    root = factor(len(span), width, wind.deviation[0], wind.correlation_time[0], wind.white)
-    white = scipy.linalg.solve_triangular(
-        root, np.column_stack([span, np.ones(len(span))]), lower=True
-    )
-    one = white[:, -1:]
-    return white[:, :-1] - one @ (one.T @ white[:, :-1]) / np.sum(one**2)
+    law = (wind.deviation[0], wind.correlation_time[0], wind.white)
+    white, one, _ = whitened([span], width, *law)
+    return white - np.outer(one, one @ white) / (one @ one)

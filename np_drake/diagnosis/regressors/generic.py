@@ -172,7 +172,7 @@ def _candidate(
     it.
     """
 
-    def columns(e: FlightResiduals, pushes: Pushes = pushes) -> np.ndarray:
+    def columns(e: FlightResiduals) -> np.ndarray:
         state = states.get(e.name) or FlightState(e)
         size = priors.generic_size * e.weight * np.append(np.ones(3), state.torque_unit)
         unscaled = pushes(state)
@@ -203,28 +203,25 @@ def _each(features: np.ndarray, channels: Sequence[int]) -> np.ndarray:
     return out
 
 
-def _joined(*parts: np.ndarray) -> np.ndarray:
-    return np.concatenate(parts, axis=2)
-
-
 def _damping(s: FlightState) -> np.ndarray:
     parts = [
         _each(np.stack([s.w[:, i], np.abs(s.w[:, i]) * s.w[:, i]], axis=1), [3 + i])
         for i in range(3)
     ]
-    return _joined(*parts)
+    return np.concatenate(parts, axis=2)
 
 
 def _side_force(s: FlightState) -> np.ndarray:
     across = np.cross(s.w, s.v) / 2.0
-    return _joined(*(_each(across[:, i : i + 1], [i]) for i in range(3)))
+    return np.concatenate([_each(across[:, i : i + 1], [i]) for i in range(3)], axis=2)
 
 
 def _velocity(s: FlightState) -> np.ndarray:
     v = s.v / 2.0
     speed = np.linalg.norm(v, axis=1, keepdims=True)
-    cubes = _each(np.concatenate([v, speed**2 * v], axis=1), [0, 1, 2])
-    return _joined(cubes, _each(np.concatenate([v, speed * v], axis=1), [3, 4, 5]))
+    force = _each(np.concatenate([v, speed**2 * v], axis=1), [0, 1, 2])
+    torque = _each(np.concatenate([v, speed * v], axis=1), [3, 4, 5])
+    return np.concatenate([force, torque], axis=2)
 
 
 def _cross_flow(s: FlightState) -> np.ndarray:
@@ -256,7 +253,7 @@ def _coupling(s: FlightState) -> np.ndarray:
         others = np.delete(tau, i, axis=1)
         own = np.sign(np.gradient(tau[:, i]))[:, None] * 0.5
         parts.append(_each(np.concatenate([others, own], axis=1), [3 + i]))
-    return _joined(*parts)
+    return np.concatenate(parts, axis=2)
 
 
 def _height(s: FlightState) -> np.ndarray:
@@ -307,7 +304,7 @@ def _resonance(frequency: float) -> Pushes:
         pair = 2 * DAMPING * (np.swapaxes(s.R, 1, 2) @ np.stack([answer, lagged], axis=2))
         parts = [_each(pair[:, i], [i]) for i in range(3)]
         parts += [_each(pair[:, 0], [4]), _each(pair[:, 1], [3])]
-        return _joined(*parts)
+        return np.concatenate(parts, axis=2)
 
     return pushes
 
@@ -337,6 +334,6 @@ def _twist(frequency: float, priors: Priors) -> Pushes:
         parts = np.stack(
             [peak * once, peak * changes[0], peak**2 * twice, peak**2 * changes[1]], axis=2
         )
-        return _joined(*(_each(parts[:, i], [3 + i]) for i in range(3)))
+        return np.concatenate([_each(parts[:, i], [3 + i]) for i in range(3)], axis=2)
 
     return pushes

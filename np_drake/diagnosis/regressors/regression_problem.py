@@ -53,11 +53,10 @@ class WhiteNuisance:
         first, order = 0, noise.phi.shape[1]
         for e in flights:
             parts = [e.y[..., None][..., :0], *(c.columns[e.name] for c in linear)]
-            there = np.concatenate([part.any(axis=(0, 1)) for part in parts])
-            acting = [p[..., p.any(axis=(0, 1))] for p in parts]
-            white = root * e.white(noise, np.concatenate(acting, axis=-1))
+            columns = np.concatenate(parts, axis=-1)
+            at = np.flatnonzero(columns.any(axis=(0, 1)))
             last = first + (len(e.t) - order) * noise.phi.shape[0]
-            X, at = white.reshape(last - first, white.shape[-1]), np.flatnonzero(there)
+            X = root * e.white(noise, columns[..., at]).reshape(last - first, len(at))
             self.rows[e.name], first = slice(first, last), last
             self.columns[e.name] = X, at
             self.gram[np.ix_(at, at)] += X.T @ X
@@ -326,8 +325,8 @@ def onset_log_likelihood(
     sizes: Sequence[float] = (1.0,),
     cost: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (n,) times of the grid, the last one "not at all", log likelihoods if `own` begins
-    there, and the rows at which it then changes (`ordered_changes`).
+    """Return (n,) times of the grid, the last one `NEVER`, log likelihoods if `own` begins there,
+    and the rows at which it then changes (`ordered_changes`).
 
     Args:
         target: (m, 15) residual without the effect.
@@ -344,7 +343,7 @@ def onset_log_likelihood(
         np.concatenate([a[:1], b, 0 * a[:1]])
         for a, b in ((whole.XX[..., 0], begun.XX[..., 0]), (whole.Xy, begun.Xy))
     )
-    times = np.append(t, t[-1] + flight.grid.step)
+    times = np.append(t, NEVER)
     barred = (times < t[0] + 0.3) & (times > t[0])
     return times, *ordered_changes(XX[:, 0], Xy[:, 0], sizes, cost, barred)
 
@@ -380,7 +379,7 @@ def times_of_changes(t: np.ndarray, following: np.ndarray, first: int) -> tuple[
     overtakes.
 
     Args:
-        t: (n,) times [s], the last one "not at all".
+        t: (n,) times [s], the last one `NEVER`.
         following: (k, n) rows by `ordered_changes`.
     """
     rows = list[int]()

@@ -7,11 +7,10 @@ import copy
 import dataclasses as dc
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model import NEVER, Term
+from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.numerics import places, scale_only
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
@@ -26,13 +25,8 @@ from np_drake.diagnosis.regressors import (
     times_of_changes,
     wind_candidates,
 )
-from np_drake.diagnosis.residuals import LEAST_DURATION, FlightResiduals
-from np_drake.diagnosis.selection.payload_search import (
-    AT_REST,
-    LEAST_MASS_DEVIATIONS,
-    PayloadSearch,
-    payload_about,
-)
+from np_drake.diagnosis.residuals import LEAST_DURATION
+from np_drake.diagnosis.selection.payload_search import AT_REST, PayloadSearch, payload_about
 from np_drake.effects.library import effect_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
@@ -49,36 +43,24 @@ class TriedOnsets:
     Args:
         X: (m', 15, k) columns of the candidate.
         inside: rows that may be onsets.
-        goes_on: whether the effect may be absent, as the flight goes on or was before.
     """
 
-    def __init__(
-        self, flight: SwitchedRegressors, X: np.ndarray, inside: np.ndarray, *, goes_on: bool
-    ):
+    def __init__(self, flight: SwitchedRegressors, X: np.ndarray, inside: np.ndarray):
         self._flight, self._X, self._whole = flight, X, flight.whole(X)
         self.ends = self._whole.rows([0, -1])  # from the start, and never
         self.start, self.never = self.ends.rows([0]), self.ends.rows([1])
         self.now = self.start
         self.onset: float | None = None
-        self.inside, self.goes_on = inside, goes_on
-        self.rows = self.inside[::COARSE]
-        self.sums = self._begun(self.rows)
+        self.inside, self.rows = inside, inside[::COARSE]
+        self.sums = flight.begun(X, self._whole, self.rows)
 
-    def _begun(self, rows: np.ndarray) -> Sums:
-        return self._flight.begun(self._X, self._whole, rows)
-
-    def finer(self, profile: np.ndarray) -> np.ndarray:
-        """Return untried rows about the best of the profile (n,)."""
-        if not len(profile):
-            return self.rows
+    def refine(self, profile: np.ndarray) -> None:
+        """Add the untried rows about the best of the profile (n,)."""
         about = self.inside[np.abs(self.inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
-        return np.setdiff1d(about, self.rows)
-
-    def add(self, rows: np.ndarray) -> None:
-        """Add the sums at these rows."""
+        rows = np.setdiff1d(about, self.rows)
         order = np.argsort(np.concatenate([self.rows, rows]))
         self.rows = np.concatenate([self.rows, rows])[order]
-        self.sums = self.sums.joined(self._begun(rows), order)
+        self.sums = self.sums.joined(self._flight.begun(self._X, self._whole, rows), order)
 
     def most_likely(self, profile: np.ndarray) -> int:
         """Return the row in the middle of the span of `SPAN` that most likely holds the onset.
@@ -108,7 +90,8 @@ class TriedOnsets:
         if row is None:
             self.now, self.onset = self.start, None
         else:
-            self.now, self.onset = self._begun(np.array([row])), float(self._flight.t[row])
+            self.now = self._flight.begun(self._X, self._whole, np.array([row]))
+            self.onset = float(self._flight.t[row])
 
 
 @dc.dataclass(frozen=True)
@@ -127,13 +110,7 @@ class Onsets:
     evidence: float
 
 
-class Steps(NamedTuple):
-    """Times (k,) at which the size of an effect changes in a flight [s], and the sizes (k + 1,)
-    between them [1].
-    """
-
-    times: tuple[float, ...]
-    sizes: np.ndarray
+Times = dict[str, tuple[float, ...]]  # at which the size of an effect changes, by flight [s]
 
 
 class OnsetScan:
@@ -146,6 +123,7 @@ class OnsetScan:
         self._products = np.zeros((size + 1, size + 1))
         # Either side of what begins is then as long as a flight that can be diagnosed.
         self._edge = edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
+        # From which an effect may be absent, as they go on or were before.
         self._go_on = {e.name for e in problem.flights if e.goes_on or e.earlier}
         self._flights: dict[str, SwitchedRegressors] = {}
         self._inside: dict[str, np.ndarray] = {}  # rows that may be onsets
@@ -189,8 +167,8 @@ class OnsetScan:
         return float(self._evidence(first, rest)[0])
 
     def _left(self, name: str, candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
-        """Return for a candidate of one column its X'X and X'y (m + 1,) over all rows of a flight
-        from each row on, y less the posterior mean of what acts as well but for `PIECES`.
+        """Return for the first column of a candidate its X'X and X'y (m + 1,) over all rows of a
+        flight from each row on, y less the posterior mean of what acts as well but for `PIECES`.
         """
         pieces = [c.variant == PIECES for c in self.problem.candidates]
         mean = np.where(np.append(pieces, False)[self._owner], 0.0, self.mean)
@@ -203,13 +181,13 @@ class OnsetScan:
         priors, rows = self.problem.options.priors, max(len(f.t) for f in self._flights.values())
         return priors.onset_gain - priors.onset + math.log(rows)
 
-    def steps(self, candidate: Candidate) -> dict[str, Steps]:
-        """Return by flight when the size of a candidate of one column changes, and its sizes.
+    def steps(self, candidate: Candidate) -> Times:
+        """Return when the size of the first column of a candidate changes.
 
         Every size has its prior; no change follows another by less than `edge`.
         Source: optimal partitioning (Jackson et al. 2005).
         """
-        found = dict[str, Steps]()
+        found = Times()
         for name, flight in self._flights.items():
             rows = np.array([0, *self._inside[name][::COARSE], len(flight.t)])
             XX, Xy = (sums[rows] for sums in self._left(name, candidate))
@@ -227,15 +205,14 @@ class OnsetScan:
             ends = [len(rows) - 1]
             while ends[0]:
                 ends.insert(0, int(before[ends[0]]))
-            sizes = (product / precision)[ends[:-1], ends[1:]]
-            found[name] = Steps(tuple(flight.t[rows[ends[1:-1]]].tolist()), sizes)
+            found[name] = tuple(flight.t[rows[ends[1:-1]]].tolist())
         return found
 
-    def changes(self, candidate: Candidate, sizes: Sequence[float]) -> dict[str, tuple[float, ...]]:
-        """Return by flight the times at which a candidate of one column changes to the next of its
-        sizes (k + 1,), the first of which it has from the start [s]; infinite: not there.
+    def changes(self, candidate: Candidate, sizes: Sequence[float]) -> Times:
+        """Return when the first column of a candidate changes to the next of its sizes (k + 1,),
+        the first of which it has from the start; infinite: not there.
         """
-        found = dict[str, tuple[float, ...]]()
+        found = Times()
         for name, flight in self._flights.items():
             barred = np.ones(len(flight.t) + 1, bool)
             barred[[0, *self._inside[name], -1]] = False
@@ -251,7 +228,7 @@ class OnsetScan:
         a row has one in all rows, one that is known to half a flight has one half.
         """
         scans = {
-            n: TriedOnsets(f, candidate.columns[n], self._inside[n], goes_on=n in self._go_on)
+            n: TriedOnsets(f, candidate.columns[n], self._inside[n])
             for n, f in self._flights.items()
         }
         found = [self._climbed(scans)]
@@ -275,13 +252,12 @@ class OnsetScan:
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
                 profile = self._evidence(scan.sums, rest)
-                finer = scan.finer(profile)
-                if len(finer):
-                    scan.add(finer)
+                if len(profile):
+                    scan.refine(profile)
                     profile = self._evidence(scan.sums, rest)
                 start, never = self._evidence(scan.ends, rest).tolist()
                 others = any(s.begins for n, s in scans.items() if n != name)
-                may_lack = others and scan.goes_on
+                may_lack = others and name in self._go_on
                 # The log width of the profile's peak, in shares of the flight.
                 widths[name] = -np.inf
                 if len(profile):
@@ -298,10 +274,9 @@ class OnsetScan:
                 else:
                     scan.settle(None)
             if not any(scan.begins for scan in scans.values()):
+                for scan in scans.values():
+                    scan.settle(None)  # what begins nowhere lacks nowhere
                 break
-        if not any(scan.begins for scan in scans.values()):  # what begins nowhere lacks nowhere
-            for scan in scans.values():
-                scan.settle(None)
         onset: dict[str, float | None] = {
             name: scan.onset for name, scan in scans.items() if scan.onset is not None
         }
@@ -370,35 +345,30 @@ ROUNDS = 4  # in which steps are sought, at most
 MOST_CHANGES = 4  # of a load in a flight: more of them are wind; source: own choice
 
 
-def in_pieces(
-    candidate: Candidate, flights: Sequence[FlightResiduals], steps: dict[str, Steps]
-) -> Candidate:
-    """Return a candidate of one column cut at its steps, a column for every piece of a flight."""
-    at = places(len(steps[e.name].sizes) for e in flights)
-    columns = {e.name: np.zeros((*e.y.shape, at[-1].stop)) for e in flights}
-    for e, own in zip(flights, at, strict=True):
-        begun = np.stack([e.begun(t) for t in (None, *steps[e.name].times, NEVER)], axis=-1)
-        columns[e.name][..., own] = candidate.columns[e.name] * -np.diff(begun, axis=-1)
-    return dc.replace(candidate, variant=PIECES, columns=columns, physical=None)
-
-
 def _in_steps(
     problem: RegressionProblem, weight: Candidate, others: Sequence[int], least: float
-) -> tuple[list[float], dict[str, tuple[float, ...]]]:
-    """Return the sizes of a weight (one column) in turn, alike in all flights and `least` apart,
-    and by flight the times at which it changes to the next [s].
+) -> tuple[list[float], Times]:
+    """Return the sizes of a weight, the first column of a candidate, in turn, alike in all flights
+    and `least` apart, and when it changes to the next.
 
     Beside all `others` that may act. Steps that are too many do no harm at first: in their pieces
     they leave what else acts to its own columns, beside which they are sought anew.
     """
-    found, scan = dict[str, Steps](), OnsetScan(problem, others)
+    found, scan = Times(), OnsetScan(problem, others)
     for _ in range(ROUNDS):
         before, found = found, scan.steps(weight)
-        if {n: f.times for n, f in found.items()} == {n: f.times for n, f in before.items()}:
+        if found == before:
             break
-        scan = _beside(problem, others, in_pieces(weight, problem.flights, found))
-    most = max(len(f.times) for f in found.values())
-    sizes = np.mean([f.sizes for f in found.values() if len(f.times) == most], axis=0).tolist()
+        at = places(len(times) + 1 for times in found.values())
+        columns = {e.name: np.zeros((*e.y.shape, at[-1].stop)) for e in problem.flights}
+        for e, own in zip(problem.flights, at, strict=True):
+            begun = np.stack([e.begun(t) for t in (None, *found[e.name], NEVER)], axis=-1)
+            columns[e.name][..., own] = weight.columns[e.name][..., :1] * -np.diff(begun, axis=-1)
+        pieces = dc.replace(weight, variant=PIECES, columns=columns, physical=None)
+        scan = OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
+    every = [scan.mean[-at[-1].stop :][own] for own in at]
+    most = max(map(len, every))
+    sizes = np.mean([own for own in every if len(own) == most], axis=0).tolist()
     while len(sizes) > 1:
         steps = np.abs(np.diff(sizes))
         k = int(np.argmin(steps))
@@ -406,11 +376,6 @@ def _in_steps(
             break
         sizes[k : k + 2] = [0.5 * (sizes[k] + sizes[k + 1])]
     return sizes, scan.changes(weight, sizes)
-
-
-def _beside(problem: RegressionProblem, others: Sequence[int], pieces: Candidate) -> OnsetScan:
-    """Return the scan beside some candidates and `PIECES`."""
-    return OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
 
 
 def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
@@ -425,8 +390,7 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     white = scale_only([problem.noise.rms[None]], problem.noise.step)
     problem = problem.extended([], white)
     plain = [c for c in problem.candidates if not c.onset]
-    weights = [c for c in plain if c.identifiers == (PAYLOAD,)]
-    weights += [c for c in plain if c.identifiers == WEIGHTS[0]]
+    weights = [c for own in ((PAYLOAD,), WEIGHTS[0]) for c in plain if c.identifiers == own]
     if PAYLOAD in hidden_from(flights) or not weights:
         return []
     acting = [
@@ -437,7 +401,7 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     (unit,) = weights[0].terms(np.eye(weights[0].size)[0])
     least = options.materiality.force * flights[0].vehicle.mass
     least /= next(iter(unit.effect.values.values()))  # [kg]
-    sizes, changes = _in_steps(problem, _first_column(weights[0]), acting, least)
+    sizes, changes = _in_steps(problem, weights[0], acting, least)
     if len(sizes) > 1 + MOST_CHANGES:
         return []
     others = [c for c in plain if c.size <= 3 and PAYLOAD not in c.identifiers]
@@ -445,67 +409,27 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     for none in (order[:1], order[:2], order[:0]):
         loads = np.array(sizes) - min(sizes) + (not len(none))
         loads[none] = 0.0
+        kept = np.flatnonzero(np.diff(loads)).tolist()
+        times = {n: tuple(every[k] for k in kept) for n, every in changes.items()}
         late = int(loads[0] == 0.0)
-        base, *rest = loads[late:].tolist() or [0.0]
-        if not base or not rest:
+        if len(kept) <= late:  # nothing changes after the begin
             continue
-        onset: Onset = {n: min(times) for n, times in changes.items()} if late else {}
+        onset: Onset = {n: min(own) for n, own in times.items()} if late else {}
         onset |= {e.name: NEVER for e in flights if e.earlier}
-        later = {n: times[late:] for n, times in changes.items()}
-        ratios = [load / base for load in rest]
+        later = {n: own[late:] for n, own in times.items()}
+        base, *rest = [loads[0], *loads[1:][kept]][late:]
+        ratios = tuple(float(load / base) for load in rest)
         search = PayloadSearch(flights, options, onset, loads=ratios, changes=later)
         followed = search.followed(problem.noise, problem.nuisance, others)
         if followed:
             guess, candidate = followed[0]
             onset = search.when(problem.noise, problem.nuisance, guess)
-            sharp = _sharpened(problem, acting, guess, onset)
-            if sharp is not None:
-                found.append(dc.replace(sharp, log_prior=candidate.log_prior))
+            payload = payload_about(flights, dc.replace(guess, onset=onset), options.priors)
+            begun = sum(t != NEVER for own in times.values() for t in own)
+            prior = begun * (options.priors.onset - math.log(max(len(e.t) for e in flights)))
+            sharp = payload.candidate(flights)
+            found.append(dc.replace(sharp, log_prior=candidate.log_prior, onset_prior=prior))
     return found
-
-
-def _first_column(candidate: Candidate) -> Candidate:
-    return dc.replace(candidate, columns={n: X[..., :1] for n, X in candidate.columns.items()})
-
-
-def _without(term: Term, k: int) -> Term:
-    """Return a payload without one of its changes."""
-    changes = {name: (*times[:k], *times[k + 1 :]) for name, times in term.changes.items()}
-    return dc.replace(term, loads=(*term.loads[:k], *term.loads[k + 1 :]), changes=changes)
-
-
-def _sharpened(
-    problem: RegressionProblem, others: Sequence[int], guess: Term, onset: Onset
-) -> Candidate | None:
-    """Return a payload with changes to the row: where its loads, as they are beside `others`, come
-    one after the other. Steps that are immaterial are left out; none where a load is.
-    """
-    flights, priors = problem.flights, problem.options.priors
-    payload = payload_about(flights, dc.replace(guess, onset=onset), priors)
-    pieces = dc.replace(payload.candidate(flights), variant=PIECES)
-    scan, own = _beside(problem, others, pieces), slice(-payload.size, None)
-    sizes = payload.masses @ scan.mean[own]
-    deviations = np.sqrt(np.diag(payload.masses @ scan.covariance[own, own] @ payload.masses.T))
-    least = problem.options.materiality.force / priors.payload_mass
-    if np.any(sizes < np.maximum(least, LEAST_MASS_DEVIATIONS * deviations)):
-        return None
-    term = payload.moved(scan.mean[own])
-    steps = np.abs(np.diff([term.effect.values["mass"], *term.loads]))
-    if not len(steps):
-        return None
-    if steps.min() < problem.options.materiality.force * flights[0].vehicle.mass:
-        return _sharpened(problem, others, _without(term, int(np.argmin(steps))), onset)
-    bare = payload_about(flights, dc.replace(term, loads=(), changes={}), priors, shaped=False)
-    unit = bare.guess.effect.values["mass"]
-    changes = scan.changes(
-        _first_column(bare.candidate(flights)),
-        [mass / unit for mass in (term.effect.values["mass"], *term.loads)],
-    )
-    moved = payload_about(flights, dc.replace(term, changes=changes), priors).candidate(flights)
-    instants = [*(t for times in changes.values() for t in times), *onset.values()]
-    begun = sum(t is not None and t != NEVER for t in instants)
-    prior = begun * (priors.onset - math.log(max(len(e.t) for e in flights)))
-    return dc.replace(moved, onset_prior=prior)
 
 
 def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
@@ -518,15 +442,13 @@ def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
     problem, scan = scan.problem, scan.given(())
     if PAYLOAD in hidden_from(problem.flights):
         return []
-    weights, options = list[Candidate](), problem.options
-    noise, nuisance = problem.noise, problem.nuisance
-    for c in (c for c in problem.candidates if not c.onset):
-        if c.identifiers == (PAYLOAD,) and not any(PAYLOAD in w.identifiers for w in weights):
-            # Its mass and hook alone, as if its swing were known.
-            at_rest = {n: X[..., :AT_REST] for n, X in c.columns.items()}
-            weights.insert(0, dc.replace(c, columns=at_rest))
-        elif c.identifiers in WEIGHTS:
-            weights.append(c)
+    noise, nuisance, options = problem.noise, problem.nuisance, problem.options
+    plain = [c for c in problem.candidates if not c.onset]
+    weights = [c for c in plain if c.identifiers in WEIGHTS]
+    for c in [c for c in plain if c.identifiers == (PAYLOAD,)][:1]:
+        # Its mass and hook alone, as if its swing were known.
+        at_rest = {n: X[..., :AT_REST] for n, X in c.columns.items()}
+        weights.insert(0, dc.replace(c, columns=at_rest))
     heavy = [f for f in map(scan.best, weights) if f.onset]
     heavy = [f for f in heavy if f.gain + f.prior > options.priors.onset_gain]
     if not heavy:

@@ -204,24 +204,18 @@ def find_map_model(
     of = condition(flights, options, still_air=still_air)
     priors, best, noise = options.priors, None, of.noise
     channels = [e.bridged(e.y) for e in of.flights]
-    candidates, acting = list(of.candidates), list[Candidate]()
+    hung, acting = list[Candidate](), list[Candidate]()
     for first in (True, False):
-        candidates += [c for c in acting if c.onset and not any(c is known for known in candidates)]
-        problem = RegressionProblem(
-            of.flights,
-            noise,
-            of.nuisance,
-            list(candidates),
-            temperature=priors.temperature,
-            options=options,
-        )
-        members = [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
+        known = [*of.candidates, *hung]
+        begun = [c for c in acting if c.onset and not any(c is other for other in known)]
+        problem = of.extended([*hung, *begun], noise)
+        members = [i for i, c in enumerate(problem.candidates) if any(c is a for a in acting)]
         scan = OnsetScan(problem, members)
         late = switched_candidates(scan)
-        hung = [*late_payloads(scan, late), *changing_payloads(problem)] if first else []
-        candidates += hung
-        if more := [*hung, *late, *new_conditions(problem)]:
-            problem = problem.extended(more)
+        if first:
+            hung = [*late_payloads(scan, late), *changing_payloads(problem)]
+            problem = problem.extended(hung)
+        problem = problem.extended([*late, *new_conditions(problem)])
         models = search(problem)
         acting = [problem.candidates[i] for i in models[0].members]
         fit = first_fit if best is None else partial(refit, known=best)

@@ -9,8 +9,8 @@ Source: progressive horizons, as in multiple shooting; own choice of both.
 
 import dataclasses as dc
 import math
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import scipy
@@ -53,13 +53,12 @@ class PayloadColumns:
     """Payload columns with prior N(0, 1), by flight, without those that are zero there (the swings
     of other flights).
 
-    The order over all flights is mass, hook (3), length and damping (if `shaped`), the loads after
-    changes, and the swings of one flight after the other. The mass scales all loads.
+    The order over all flights is mass, hook (3), length and damping (if `shaped`), and the swings
+    of one flight after the other. The mass scales all loads.
 
     Args:
         guess: payload about which columns are linear; its mass is that of a coefficient of one.
-        own: by flight, (m, 6, k') force and torque: at rest, length, damping, loads, and the swing
-            there.
+        own: by flight, (m, 6, k') force and torque: at rest, length, damping, and the swing there.
         rate: natural rate [1/s].
     """
 
@@ -70,26 +69,9 @@ class PayloadColumns:
     shaped: bool = False
 
     @property
-    def loads(self) -> slice:
-        """Columns of the loads that are not zero."""
-        begin = AT_REST + SHAPE * self.shaped
-        return slice(begin, begin + np.count_nonzero(self.guess.loads))
-
-    @property
     def first(self) -> int:
         """Number of columns before those of swings."""
-        return self.loads.stop
-
-    @property
-    def masses(self) -> np.ndarray:
-        """(1 + loads, size) matrix from coefficients to the mass and the loads that are not zero,
-        over the mass of the guess [1].
-        """
-        hung = [load for load in self.guess.loads if load > 0]
-        matrix = np.zeros((1 + len(hung), self.size))
-        matrix[:, 0] = [1.0, *(load / self.guess.effect.values["mass"] for load in hung)]
-        matrix[1:, self.loads] = np.eye(len(hung))
-        return matrix
+        return AT_REST + SHAPE * self.shaped
 
     @property
     def swings(self) -> dict[str, slice]:
@@ -123,9 +105,8 @@ class PayloadColumns:
 
         The coefficients of length, hook, damping and swing are products with the mass.
         """
-        known, share = self.guess.effect.values, max(c[0], LIGHTEST)
-        shape = c[AT_REST : self.loads.start] / share
-        stretch, brake = shape if self.shaped else np.zeros(SHAPE)
+        known, share = self.guess.effect.values, max(float(c[0]), LIGHTEST)
+        stretch, brake = c[AT_REST : self.first] / share if self.shaped else np.zeros(SHAPE)
         length = known["length"] * (1 + np.clip(stretch * self.priors.length, -0.2, 0.2))
         values = {
             "mass": share * known["mass"],
@@ -142,10 +123,12 @@ class PayloadColumns:
             move = np.clip(c[span] / share, -4.0, 4.0) * self.priors.swing
             before = padded(self.guess.hidden.get(name), len(units))
             swing[name] = np.clip(before + move * units, -WIDEST * units, WIDEST * units)
-        loads = np.array(self.guess.loads)
-        loads[loads > 0] = known["mass"] * np.maximum(self.masses[1:] @ c, LIGHTEST)
-        moved = Term(SuspendedPayload.of(values), self.guess.onset, swing)
-        return dc.replace(moved, loads=tuple(loads.tolist()), changes=self.guess.changes)
+        return dc.replace(
+            self.guess,
+            effect=SuspendedPayload.of(values),
+            hidden=swing,
+            loads=tuple(share * load for load in self.guess.loads),
+        )
 
     def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
         """Return a candidate with columns for all channels, physical where mass is positive and
@@ -192,9 +175,12 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     return mean + more, log_probability
 
 
-def payload_of(length: float, onset: Onset | None = None) -> Term:
-    """Return a payload at rest on a tether of this length [m] from Bo, without damping."""
-    return Term(SuspendedPayload(1.0, length, 0.0, 0.0, 0.0), onset or {})
+def payload_of(length: float, onset: Onset | None = None, **loads: Any) -> Term:
+    """Return a payload of 1 kg at rest on a tether of this length [m] from Bo, without damping.
+
+    loads: loads and changes, as of `Term`.
+    """
+    return Term(SuspendedPayload(1.0, length, 0.0, 0.0, 0.0), onset or {}, **loads)
 
 
 def payload_about(
@@ -215,10 +201,6 @@ def payload_about(
         for change in ({"length": longer}, {"damping": braked}):
             shapes.append(dc.replace(guess, effect=SuspendedPayload.of({**values, **change})))
         widths = [priors.length, priors.damping]
-    for k in np.flatnonzero(loads).tolist():
-        heavier = (*loads[:k], loads[k] + SMALL * unit, *loads[k + 1 :])
-        shapes.append(dc.replace(guess, loads=heavier))
-        widths.append(1.0)
     rate, own = math.sqrt(flights[0].vehicle.gravity / values["length"]), {}
     for e in flights:
         size = hidden_size(e, guess.begins(e.name)) if shaped else STATE
@@ -360,7 +342,6 @@ class OtherRegressors:
 
 
 KEPT = 3  # candidates of the search
-FOLLOWED = 2  # lengths followed from each profile
 LOST = -400.0  # log evidence below which a guess that is followed is given up
 DISTINCT = 12  # number of lengths that can be told apart, for the prior of one
 NEAR = 0.06  # relative difference below which lengths are the same [1]
@@ -398,8 +379,7 @@ class PayloadSearch:
     Args:
         onset: onsets of the payload by flight [s].
         lengths: of tethers (n,) [m]; default: `search_lengths`.
-        loads: of the payload after its changes, over its mass before them [1].
-        changes: times of these by flight [s].
+        loads: loads and changes, as of `Term`, of a payload of 1 kg.
     """
 
     def __init__(
@@ -408,13 +388,11 @@ class PayloadSearch:
         options: Options,
         onset: Onset | None = None,
         lengths: np.ndarray | None = None,
-        loads: Sequence[float] = (),
-        changes: Mapping[str, tuple[float, ...]] = MappingProxyType({}),
+        **loads: Any,
     ):
-        self._flights, self._onset = list(flights), onset
-        self._loads, self._changes = tuple(loads), dict(changes)
-        self._priors = options.priors
-        self.lengths = search_lengths(flights) if lengths is None else lengths
+        self._flights, self._onset, self._priors = list(flights), onset or {}, options.priors
+        lengths = search_lengths(flights) if lengths is None else lengths
+        self._at_rest = [payload_of(length, onset, **loads) for length in lengths.tolist()]
 
     def followed(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
@@ -435,14 +413,11 @@ class PayloadSearch:
             return []
         starts: dict[tuple[bool, int, float], None] = {}
         for (alone, horizon), profile in gains.items():
-            peaks: list[int] = []  # by height, none next to a higher one
-            for i in np.argsort(-profile).tolist():
-                if all(abs(i - k) > 1 for k in peaks):
-                    peaks.append(i)
-            starts |= dict.fromkeys((alone, peaks[0], first) for first in (ENDS[0], horizon))
-            starts |= dict.fromkeys((alone, i, horizon) for i in peaks[1:FOLLOWED])
-        every = [self._payload(length) for length in self.lengths.tolist()]
-        found = [self._follow(beside, every[i], first, alone) for alone, i, first in starts]
+            best, *order = np.argsort(-profile).tolist()
+            second = next((i for i in order if abs(i - best) > 1), best)
+            ways = ((best, ENDS[0]), (best, horizon), (second, horizon))
+            starts |= dict.fromkeys((alone, *way) for way in ways)
+        found = [self._follow(beside, self._at_rest[i], first, alone) for alone, i, first in starts]
         return self._distinct(beside, found)
 
     def from_guesses(
@@ -450,13 +425,8 @@ class PayloadSearch:
     ) -> list[tuple[Term, Candidate]]:
         """Return payloads followed from guesses whose swing is not known."""
         beside = OtherRegressors(self._flights, noise, nuisance, [], self._onset)
-        begun = [dc.replace(g, onset=self._onset or {}, hidden={}) for g in guesses]
+        begun = [dc.replace(g, onset=self._onset, hidden={}) for g in guesses]
         return self._distinct(beside, [self._follow(beside, g, HORIZONS[0]) for g in begun])
-
-    def _payload(self, length: float) -> Term:
-        """Return a payload at rest on a tether of this length [m], with the loads of the search."""
-        payload = payload_of(length, self._onset)
-        return dc.replace(payload, loads=self._loads, changes=self._changes)
 
     def _distinct(
         self, beside: OtherRegressors, found: Sequence[PayloadColumns | None]
@@ -464,7 +434,7 @@ class PayloadSearch:
         """Return the best, of different lengths."""
         kept: list[tuple[Term, Candidate]] = []
         scored = [(beside.gain(p, math.inf)[0], p) for p in found if p is not None]
-        prior, lengths = -math.log(len(self.lengths) / DISTINCT), list[float]()
+        prior, lengths = -math.log(len(self._at_rest) / DISTINCT), list[float]()
         for _, payload in sorted(scored, key=lambda f: -f[0]):
             length = payload.guess.effect.values["length"]
             if len(kept) < KEPT and all(abs(math.log(length / of)) > NEAR for of in lengths):
@@ -480,18 +450,17 @@ class PayloadSearch:
         gains: dict[tuple[bool, float], list[float]] = {
             (a, h): [] for a in (False, True) for h in ENDS
         }
-        for length in self.lengths.tolist():
-            guess = self._payload(length)
+        for guess in self._at_rest:
             payload = payload_about(self._flights, guess, self._priors, shaped=False)
             for horizon in ENDS:
                 for alone, gram in zip((False, True), beside.grams(payload, horizon), strict=True):
-                    evidence = gram.log_evidence(np.arange(payload.size))
-                    gains[alone, horizon].append(evidence + payload.log_prior)
+                    gain = payload.log_prior + gram.log_evidence(np.arange(payload.size))
+                    gains[alone, horizon].append(gain)
         return {asked: np.array(profile) for asked, profile in gains.items()}
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Term) -> Onset:
         """Return sharpened onsets [s] of a payload like the guess, its swing free."""
-        found, priors = dict(self._onset or {}), self._priors
+        found, priors = dict(self._onset), self._priors
 
         def best_about(e: FlightResiduals, near: float, span: float, step: float) -> float:
             """Return the best instant of one flight within `span` of `near` [s]."""

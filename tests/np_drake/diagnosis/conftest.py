@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.diagnose import Inference, conclude
@@ -181,16 +180,6 @@ def fit_at(seen) -> Callable[..., Fit]:
     return fit
 
 
-def _process(rng: np.random.Generator, t: np.ndarray, time: float) -> np.ndarray:
-    """Return an exact first-order Gauss-Markov process (n, 3) of unit deviation; t: at equal
-    steps.
-    """
-    decay = np.exp(-(t[1] - t[0]) / time)
-    kicks = rng.standard_normal((len(t), 3))
-    kicks[1:] *= np.sqrt(1 - decay**2)
-    return signal.lfilter([1.0], [1.0, -decay], kicks, axis=0)
-
-
 @pytest.fixture(scope="session")
 def pushed() -> Callable[..., dict[str, np.ndarray]]:
     """Return a function that gives residuals (m, 15) of flights with noise and gusts of 0.5 N about
@@ -202,7 +191,9 @@ def pushed() -> Callable[..., dict[str, np.ndarray]]:
     def residual_of(flights, rng, time, *, begin=-np.inf, white=0.05) -> dict[str, np.ndarray]:
         residual = {}
         for e in flights:
-            gusts = 0.5 * _process(rng, e.t, time) + white * rng.standard_normal((len(e.t), 3))
+            gusts = 0.5 * simulated_flights.gauss_markov(
+                rng, e.t, time
+            ) + white * rng.standard_normal((len(e.t), 3))
             force = np.array([0.3, -0.2, 0.1]) + gusts
             residual[e.name] = np.zeros_like(e.y)
             residual[e.name][:, :3] = attitude.rotate_back(e.q, force * (e.t >= begin)[:, None])

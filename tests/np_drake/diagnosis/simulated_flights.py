@@ -11,10 +11,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy import ndimage
+from scipy import ndimage, signal
 from scipy.interpolate import CubicSpline
 
 from np_drake import attitude
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.base import MassProperties, Measurement, Motion
 from np_drake.effects.combine import EffectsByPlace, split_effects
 from np_drake.effects.motor_lag import MotorLag
@@ -260,6 +261,22 @@ def _middle(rows: np.ndarray) -> np.ndarray:
 def _before(mids: np.ndarray) -> np.ndarray:
     """Return values (n, m) at the rows, from those in the middle of the intervals after them."""
     return 0.5 * (mids + np.concatenate([mids[:1], mids[:-1]]))
+
+
+def gauss_markov(rng: np.random.Generator, t: np.ndarray, time: float) -> np.ndarray:
+    """Return an exact first-order Gauss-Markov process (n, 3) of unit deviation; t: at equal
+    steps.
+    """
+    decay = np.exp(-(t[1] - t[0]) / time)
+    kicks = rng.standard_normal((len(t), 3))
+    kicks[1:] *= np.sqrt(1 - decay**2)
+    return signal.lfilter([1.0], [1.0, -decay], kicks, axis=0)
+
+
+def knocked(e: FlightResiduals, *at: float) -> FlightResiduals:
+    """Return the flight with outliers of two rows at these times."""
+    first = np.searchsorted(e.t, at)
+    return dc.replace(e, outliers=np.isin(np.arange(len(e.t)), [first, first + 1]))
 
 
 def _sum(rates: np.ndarray) -> np.ndarray:

@@ -142,28 +142,10 @@ def test_an_interval_is_that_of_the_figure_of_its_own_term(fit_at):
     assert interval(fit_at(WeakRotor(4, 0.9), covariance=0.1), 0, "rotor") == (4.0, 4.0)
 
 
-DRAG = LinearDrag(0.4, 0.4, 0.2)
-ALONG_X = (1.0, 0.0, 0.0, 0.0)
-
-
-@pytest.fixture
-def fixed_widths():
-    """Keep priors as wide as they are typical."""
-    with pytest.MonkeyPatch.context() as patch:
-        for effect in (LinearDrag, QuadraticDrag):
-            patch.setattr(effect, "widens", False)
-        yield
-
-
-@pytest.fixture(scope="module")
-def flight(seen):
-    return seen(DRAG, name="a", seed=1, noise=1.0, seconds=8.0, vigour=ALONG_X)
-
-
-@pytest.mark.usefixtures("fixed_widths")
 @pytest.mark.parametrize("effect", [LinearDrag, QuadraticDrag, GyroBias])
-def test_whitened_deviations_of_the_prior_are_independent(flight, effect):
-    terms = [Term(GyroBias()), Term(effect())]
+def test_whitened_deviations_of_the_prior_are_independent(seen, monkeypatch, effect):
+    monkeypatch.setattr(effect, "widens", False)  # a prior is as wide as it is typical
+    flight, terms = seen(seconds=4.0), [Term(GyroBias()), Term(effect())]
     free = free_parameters(terms, [flight], {}, PRIORS)
     W, root = prior_whitening(terms, free), prior_root(effect, flight.vehicle)
     scaled = root / np.array([f.scale for f in free if f.term == 1])[:, None]

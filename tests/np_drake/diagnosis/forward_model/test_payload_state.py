@@ -1,7 +1,5 @@
 """Laws of a payload's hidden swing and its pull."""
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,6 +16,7 @@ from np_drake.diagnosis.forward_model import (
     specific_pull,
 )
 from np_drake.effects import pendulum
+from tests.np_drake.diagnosis.simulated_flights import knocked
 
 SMALL = st.floats(-0.8, 0.8)
 
@@ -66,14 +65,6 @@ def test_the_air_brakes_a_swing_under_a_hovering_vehicle(seen):
     vacuum, air = np.abs(pull[late, :, 0]).T
     decay = np.exp(-0.25 * dut.t[late[np.argmax(air)]])
     assert air.max() / vacuum.max() == pytest.approx(decay, rel=0.02)
-
-
-def knocked(e, *at):
-    """Return the flight with outliers of two rows at these times."""
-    outliers = np.zeros(len(e.t), bool)
-    for t in at:
-        outliers[np.searchsorted(e.t, t) : np.searchsorted(e.t, t) + 2] = True
-    return dc.replace(e, outliers=outliers)
 
 
 def test_a_swing_may_jump_after_every_outlier_not_close_to_another(seen):

@@ -144,13 +144,6 @@ def test_two_onsets_of_actuators_are_switched_in_one_after_the_other(flown):
     np.testing.assert_allclose(found[late], both[late], atol=1e-9)
 
 
-def test_more_mass_pulls_the_residual_down_by_its_share_of_the_thrust(flown):
-    found = predicted_residual(flown, [Term(MassError(0.5))])
-    expected = (2.0 / 2.5 - 1.0) * flown.nominal[:, 2]
-    np.testing.assert_allclose(found[:, 2], expected, rtol=1e-9)
-    np.testing.assert_allclose(found[:, [0, 1, 3, 4, 5]], 0.0, atol=1e-9)
-
-
 @pytest.mark.parametrize("onset", [None, 2.0])
 def test_mass_and_thrust_off_by_one_factor_leave_the_motion_as_it_was(seen, onset):
     dut = seen(vehicle=LAGGED, accelerations=True)

@@ -13,6 +13,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
+from tests.np_drake.diagnosis.simulated_flights import knocked
 
 REAL = Options.for_sensors(True)
 HEAVY = MassError(0.2)
@@ -101,13 +102,6 @@ def test_rows_that_a_hidden_start_was_fitted_to_are_not_scored(seen):
     late = scored_rows([Term(PAYLOAD, {"c": 5.0})], flight)
     np.testing.assert_array_equal(late, (flight.t < 5.0) | (flight.t >= 5.0 + HIDDEN_SPAN))
     assert scored_rows([Term(PAYLOAD, {"c": NEVER})], flight).all()
-
-
-def knocked(flight, when):
-    """The flight with an outlier that lasts two rows."""
-    outliers = np.zeros(len(flight.t), bool)
-    outliers[np.searchsorted(flight.t, when) + np.arange(2)] = True
-    return dc.replace(flight, outliers=outliers)
 
 
 def test_outliers_of_a_swing_are_taken_in_turn(seen, noise):

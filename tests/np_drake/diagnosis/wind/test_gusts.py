@@ -27,18 +27,14 @@ from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
+from tests.np_drake.diagnosis.simulated_flights import gauss_markov
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 DRAG = LinearDrag(0.3, 0.3, 0.3)
 
 
-def felt_in(flights):
-    return {e.name: e.y for e in flights}
-
-
-def cause(effect, **parameters) -> Cause:
-    values = parameters or effect.values
-    estimates = {n: Estimate(v, "", (v - 0.1, v + 0.1)) for n, v in values.items()}
+def cause(effect) -> Cause:
+    estimates = {n: Estimate(v, "", (v - 0.1, v + 0.1)) for n, v in effect.values.items()}
     return Cause(
         effect.identifier, 1.0, estimates, {"1": None, "2": None}, effect=effect, share=0.5
     )
@@ -52,7 +48,7 @@ def blown(seen):
         seen(DRAG, wind, name=str(i), seed=i, noise=1.0, seconds=30.0)
         for i, wind in enumerate(winds, 1)
     ]
-    return flights, felt_in(flights)
+    return flights, {e.name: e.y for e in flights}
 
 
 @pytest.mark.parametrize(
@@ -150,17 +146,12 @@ def begin_of(e, residual, taken_for, wind, options=IDEAL):
     return wind_onset(e, residual, taken_for, wind, calm, options.priors.onset_gain)[0]
 
 
-def wandering(e, rng, size=1.0):
+def wandering(e, rng):
     """(m, 15) of an attitude that errs as a rig's may, in tolerances, and of white noise."""
-    step, scale = e.grid.step, size * e.vehicle.mass * e.vehicle.gravity * REAL.tolerance.attitude
-    decay = np.exp(-step / REAL.priors.attitude_drift[0])
-    force = [scale * rng.standard_normal(3)]
-    for kick in rng.standard_normal((len(e.t) - 1, 3)):
-        force.append(decay * force[-1] + scale * np.sqrt(1 - decay**2) * kick)
+    drift = gauss_markov(rng, e.t, REAL.priors.attitude_drift[0])
+    white = 0.03 * np.sqrt(BIN / e.grid.step) * rng.standard_normal(drift.shape)
     residual = np.zeros((len(e.t), 15))
-    residual[:, :3] = np.array(force) + 0.03 * np.sqrt(BIN / step) * rng.standard_normal(
-        (len(e.t), 3)
-    )
+    residual[:, :3] = e.weight * REAL.tolerance.attitude * drift + white
     return residual
 
 
