@@ -47,7 +47,7 @@ class Parameter:
     departure: str = ""
 
 
-def departure(p: Parameter, value: float, rotor: object = "", *, shares: bool) -> tuple[str, str]:
+def departure(p: Parameter, value: float, rotor: object, *, shares: bool) -> tuple[str, str]:
     """Return the unit of a parameter, and in words how far it departs from neutral by `value`.
 
     rotor: name of that of its effect, if any; shares: whether its factors are shares.

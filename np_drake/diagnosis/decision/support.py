@@ -149,14 +149,14 @@ class Support:
         """Whether the held-out flights are predicted better with the term, by as much as would
         contradict it.
         """
-        return bool(self.held_out.size and self.held_out.sum() > LEAST + _error(self.held_out))
+        return bool(self.held_out.sum() > LEAST + _error(self.held_out))
 
     @property
     def contradicted(self) -> bool:
         """Whether the held-out flights are predicted worse with the term, by `LEAST` and a standard
         error.
         """
-        return bool(self.held_out.size and self.held_out.sum() < -LEAST - _error(self.held_out))
+        return bool(self.held_out.sum() < -LEAST - _error(self.held_out))
 
 
 def _error(gains: np.ndarray) -> float:

@@ -84,7 +84,7 @@ def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[st
         unit: of the parameter, as `unit_of` gives it.
     """
     lower, upper = parameter.ci95
-    half = 0.5 * (upper - lower)
+    half = parameter.half
     if half == 0 and parameter.unit in ("", "1") and parameter.value == round(parameter.value):
         return str(round(parameter.value)), NOTHING  # a choice, such as the number of a rotor
     if not (math.isfinite(half) and half > 0):
@@ -102,18 +102,11 @@ def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[st
     return with_unit(value, shown), f"{low} to {high}"
 
 
-def rotor_text(cause: Cause) -> str:
-    """Return what the rotor of a cause is called; empty where it has none."""
-    if cause.rotor is not None or "rotor" not in cause.parameters:
-        return str(cause.rotor or "")
-    return f"rotor {cause.parameters['rotor'].value:g}"
-
-
 def phrase(cause: Cause) -> str:
     """Return a cause with its size in few words, as in 'a 4.8 g payload on 0.52 m'."""
     name, parameters = name_of(cause.identifier), cause.parameters
     values = {n: estimate(p, unit_of(cause, p), brief=True)[0] for n, p in parameters.items()}
-    values |= {"rotor": rotor_text(cause)} if "rotor" in values else {}
+    values |= {"rotor": str(cause.rotor)} if cause.rotor else {}
     (unit, *others) = {p.unit for p in parameters.values()} or {""}
     own = effect_of(cause.identifier).phrase
     if own and {field for _, field, _, _ in string.Formatter().parse(own) if field} <= set(values):
@@ -147,13 +140,12 @@ def begins(cause: Cause, longest: int = 36) -> list[str]:
     """Return by flight when a cause begins and a payload's mass changes, where it does."""
     found = []
     for flight, time in cause.onset.items():
-        name, later = plain_name(flight, longest), _changes(cause, flight)
-        if later:
-            first = measure(cause.parameters["mass"].value, "kg", 3)
-            later = [first if time is None else f"{first} at {time:.1f}{NBSP}s", *later]
-            found.append(f"{name}: {', '.join(later)}")
-        elif time is not None:
-            found.append(onset(time, name))
+        when = "" if time is None else f"{time:.1f}{NBSP}s" if math.isfinite(time) else "not at all"
+        if later := _changes(cause, flight):
+            mass = measure(cause.parameters["mass"].value, "kg", 3)
+            when = ", ".join([mass + f" at {when}" * bool(when), *later])
+        if when:
+            found.append(f"{plain_name(flight, longest)}: {when}")
     return found
 
 
@@ -164,7 +156,7 @@ def changed(cause: Cause) -> str:
     if cause.effect is None or len(free) != 1 or not free[0].departure:
         return phrase(cause)
     p, one = free[0], cause.parameters[free[0].name]
-    unit, text = departure(p, one.value - p.neutral, rotor_text(cause), shares=effect.shares)
+    unit, text = departure(p, one.value - p.neutral, cause.rotor, shares=effect.shares)
     factor, shown = departure_unit(unit)
     low, high = (measure(factor * (end - p.neutral), shown) for end in one.ci95)
     return f"{text} ({low} to {high})"
@@ -184,15 +176,6 @@ def described(finding: Finding) -> str:
     elif figures.get("torque"):
         more.append(f"{measure(figures['torque'], 'N·m')} RMS")
     return ", ".join([text, *more])
-
-
-def onset(time: float, flight: str) -> str:
-    """Return when an effect begins in a flight, at `time` [s]; infinite: absent.
-
-    Args:
-        time: [s].
-    """
-    return f"{flight}: {time:.1f}{NBSP}s" if math.isfinite(time) else f"{flight}: not at all"
 
 
 def plain_name(name: str, longest: int = 36) -> str:
@@ -297,7 +280,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if unknown:
         sure = probability(diagnosis.unknown_probability)
         return f"No effect explains what is left on {judges} ({sure}): {sizes}"
-    calibrated = "with calibration, " if diagnosis.calibration else ""
+    calibrated = "with calibration, " * bool(diagnosis.calibration)
     return f"Nothing material is missing: {calibrated}the remainder on {judges} is {sizes}"
 
 
