@@ -122,14 +122,15 @@ def identify(
         require_once([*logs, *judges])
         common_drive([], input)  # refuses what is no input before logs are read
         _check_mass(mass, trust, vehicle)
-        frame = {"wheelbase": wheelbase, "propeller": propeller, "order": order}
-        prior = _prior_of(vehicle, {**frame, "mass": mass}, props)
+        frame = {"wheelbase": wheelbase, "propeller": propeller, "order": order, "mass": mass}
+        prior = _prior_of(vehicle, frame, props)
         mass = None if trust == "thrust" else mass or prior.mass
         read = _read_logs([*logs, *judges], log_map, advance)
         prior = _with_stated_props(prior, read, props, known=vehicle is not None)
         opened = [found.flights for found in with_vehicle(read, prior)]
         judging = [log for found in opened[len(logs) :] for log in found]
-        drive = common_drive([log for found in opened for log in found], input)
+        flown = [log for flights in opened for log in flights]
+        drive = common_drive(flown, input)
         require(
             trust == "mass" or drive in ("rotor_speed", "command"),
             f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
@@ -143,7 +144,6 @@ def identify(
         advance(FITTED, "judging")
         rows = errors_on(found, judging, parts)
         advance(1.0)
-    flown = [log for flights in opened for log in flights]
     untold = [] if tell_directions(flown, prior) else [UNTOLD]
     unused = [] if input else left_out(flown, drive)
     warnings = noted(flown, [*untold, *unused, *said, *found.notes])
@@ -213,9 +213,13 @@ def _prior_of(vehicle: Path | None, measures: dict[str, Any], props: str | None)
     beside = ", ".join(option for option, there in given.items() if there and option != "--mass")
     require(not beside, f"--vehicle: holds the rotors' places; leave {beside} out.")
     prior = load_vehicle(vehicle)
-    if props is None:
-        return prior
-    return dc.replace(prior, rotor_directions=directions_of(prior.rotor_positions, props))
+    return prior if props is None else _turning(prior, props)
+
+
+def _turning(vehicle: Vehicle, props: str) -> Vehicle:
+    """Return the vehicle with propellers that turn in or out at the front."""
+    directions = directions_of(vehicle.rotor_positions, props)
+    return dc.replace(vehicle, rotor_directions=directions)
 
 
 def _read_logs(paths: list[Path], log_map: Path | None, advance: Any) -> list[Opened]:
@@ -247,16 +251,14 @@ def _with_stated_props(
     Raises: ValueError: where an option contradicts a log.
     """
     logs = [log for found in read for log in found.flights]
-    for name, layout in ((log.name, log.layout) for log in logs if log.layout is not None):
+    stated = [(log.name, log.layout) for log in logs if log.layout and log.layout.props]
+    for name, layout in stated:
         require(
-            not (props and layout.props) or props == layout.props,
+            props in (None, layout.props),
             f"--props {props}: the propellers of {name} turn {layout.props} at the front "
             f"({layout.source}). Leave --props out.",
         )
-        if layout.props and not known:
-            directions = directions_of(prior.rotor_positions, layout.props)
-            return dc.replace(prior, rotor_directions=directions)
-    return prior
+    return prior if known or not stated else _turning(prior, stated[0][1].props)
 
 
 def _split(

@@ -185,6 +185,11 @@ class Effect:
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}
 
     @property
+    def acts(self) -> bool:
+        """Whether any parameter is not neutral."""
+        return any(self.values[p.name] != p.neutral for p in self.parameters if not p.choices)
+
+    @property
     def predicted(self) -> "Effect":
         """Effect that is predicted for another flight: the effect itself without what is drawn anew
         each time.

@@ -65,12 +65,8 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
             "scale", 0.0, 1.0, log=True
         ),  # thrust over mass, over that which hovers on the mean input
         # Gains of the rotors against each other: left to right, front to rear, by direction.
-        Parameter("gain_roll", 0.0, 0.03),
-        Parameter("gain_pitch", 0.0, 0.03),
-        Parameter("gain_yaw", 0.0, 0.03),
-        Parameter("com_x", 0.0, 0.05),
-        Parameter("com_y", 0.0, 0.05),
-        Parameter("com_z", 0.0, 0.05),
+        *(Parameter(f"gain_{axis}", 0.0, 0.03) for axis in ("roll", "pitch", "yaw")),
+        *(Parameter(f"com_{axis}", 0.0, 0.05) for axis in "xyz"),
         Parameter("jxx", moment.mean, moment.deviation, log=True),
         Parameter(
             "jyy", known.inertia_pitch.mean, known.inertia_pitch.deviation, log=True
@@ -78,9 +74,8 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter(
             "jzz", yaw.mean, yaw.deviation, log=True
         ),  # over jxx + jyy, which a flat vehicle reaches
-        Parameter("jxy", 0.0, 0.03),  # products over the mean of jxx and jyy
-        Parameter("jxz", 0.0, 0.03),
-        Parameter("jyz", 0.0, 0.03),
+        # Products over the mean of jxx and jyy.
+        *(Parameter(name, 0.0, 0.03) for name in ("jxy", "jxz", "jyz")),
         # Torque over thrust of a rotor, over its radius.
         Parameter("torque", known.torque_lever.mean, known.torque_lever.deviation, log=True),
         Parameter("lean_x", 0.0, 0.2),  # yaw of motors that lean, over their torque
@@ -92,16 +87,10 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
             known.rotor_inertia.deviation,
             log=True,
         ),
-        Parameter("imu_x", 0.0, 0.2, needs=("accelerometer",)),
-        Parameter("imu_y", 0.0, 0.2, needs=("accelerometer",)),
-        Parameter("imu_z", 0.0, 0.2, needs=("accelerometer",)),
-        Parameter("tilt_x", 0.0, 0.03, needs=("accelerometer",)),
-        Parameter("tilt_y", 0.0, 0.03, needs=("accelerometer",)),
-        Parameter("tilt_z", 0.0, 0.03, needs=("accelerometer",)),
+        *(Parameter(f"imu_{axis}", 0.0, 0.2, needs=("accelerometer",)) for axis in "xyz"),
+        *(Parameter(f"tilt_{axis}", 0.0, 0.03, needs=("accelerometer",)) for axis in "xyz"),
         # What rolls, pitches and yaws are coupled by beside tilt and products of inertia.
-        Parameter("twist_x", 0.0, 0.03),
-        Parameter("twist_y", 0.0, 0.03),
-        Parameter("twist_z", 0.0, 0.03),
+        *(Parameter(f"twist_{axis}", 0.0, 0.03) for axis in "xyz"),
         # Force and moment against velocity, over mass [1/s, 1/s, 1/m, arms/s, arms/s].
         Parameter("drag", 0.15, 0.15, needs=AIR),
         Parameter("climb", 0.15, 0.15, needs=AIR),

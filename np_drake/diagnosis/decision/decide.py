@@ -25,7 +25,7 @@ from np_drake.diagnosis.fitting import (
 )
 from np_drake.diagnosis.forward_model import Term, pendulum_error, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.options import SPREAD, SURE, Options, Size, unhealthy
+from np_drake.diagnosis.options import SPREAD, SURE, Options, Size
 from np_drake.diagnosis.regressors import DRAG, Model, RegressionProblem
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate, Finding
@@ -39,6 +39,7 @@ from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rotor_layout import RotorName
 
 LAST = 1.0  # of a flight, in which an onset is none [s]; own choice
+ODDS = 0.0124  # share of healthy vehicles beyond whose size a size is a cause [1]; own choice
 MOST_ALTERNATIVES = 2  # effects named as indistinguishable from a cause
 
 
@@ -491,7 +492,7 @@ class SizePosterior:
             return np.ones(len(self.draws), bool)
         usual, deviation = np.array([spread[self._free[k].name] for k in own]).T
         away = (self.draws[:, own] - usual) / deviation
-        return np.linalg.norm(away, axis=1) > unhealthy(len(own))
+        return np.linalg.norm(away, axis=1) > scipy.stats.chi.isf(ODDS, len(own))
 
     def blows(self, options: Options) -> np.ndarray:
         """Return which draws (n,) are more than still air, where the term is a wind.
