@@ -162,6 +162,7 @@ def decide(
         found = judge(ranking, margins, held, i, same=others, support=support, gusts=gusts)
         vehicle = problem.flights[0].vehicle
         parameters = estimates(fit, i, vehicle, options)
+        rotor = rotors[round(effect.values["rotor"]) - 1] if "rotor" in effect.values else None
         if found.probability >= options.thresholds.cause_probability:
             there = {e.name: held.terms.get(e.name, fit.everything)[i] for e in every}
             onset = {flight: now.begins(flight) for flight, now in there.items()}
@@ -175,28 +176,23 @@ def decide(
                     found.size.gap,
                     effect,
                     changed=has_changed(ranking, i),
-                    rotor=_rotor_of(effect, rotors),
+                    rotor=rotor,
                     loads=load_estimates(fit, i, vehicle, options),
                     changes={flight: now.changes.get(flight, ()) for flight, now in there.items()},
                 )
             )
         else:
-            minor.append(_finding(effect, parameters, found, rotors))
+            minor.append(_finding(effect, parameters, found, rotor))
     return without_missing_drag(causes, minor)
-
-
-def _rotor_of(effect: Effect, rotors: Sequence[RotorName]) -> RotorName | None:
-    """Return what the rotor of an effect is called; None where it has none."""
-    return rotors[round(effect.values["rotor"]) - 1] if "rotor" in effect.values else None
 
 
 def _finding(
     effect: Effect,
     parameters: Mapping[str, Estimate],
     found: Judgement,
-    rotors: Sequence[RotorName],
+    rotor: RotorName | None = None,
 ) -> Finding:
-    """Return what is said of an effect that is no cause."""
+    """Return what is said of an effect that is no cause; rotor: what its rotor is called."""
     units = {
         n: "share" if effect.shares and e.unit == "1" else e.unit for n, e in parameters.items()
     }
@@ -206,7 +202,7 @@ def _finding(
     figures = {"force": size.force, "torque": size.torque, "probability": found.probability}
     if found.is_open:
         figures["timing"] = found.timing
-    if rotor := _rotor_of(effect, rotors):
+    if rotor:
         values = values.replace(f"rotor {rotor.number}", str(rotor))
     text = f"{values}: {found.reason} ({shares})"
     return Finding(effect.identifier, text, size.gap, figures)
