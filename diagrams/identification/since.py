@@ -148,13 +148,15 @@ def verdict(found: Diagnosis, change: Change) -> dict[str, Any]:
     """
     causes = {c.identifier: c for c in found.causes if c.changed}
     named = set(causes) == set(change)
-    right = named
-    for effect, values in change.items() if named else ():
-        neutral = {p.name: p.neutral for p in effect_of(effect).parameters}
-        for name, true in values.items():
-            one = causes[effect].parameters[name]
-            close = abs(one.value - true) <= CLOSE * abs(true - neutral[name])
-            right &= close or one.ci95[0] <= true <= one.ci95[1]
+    sizes = [
+        (causes[effect].parameters[p.name], values[p.name], p.neutral)
+        for effect, values in change.items()
+        for p in (effect_of(effect).parameters if named else ())
+    ]
+    right = named and all(
+        abs(one.value - true) <= CLOSE * abs(true - neutral) or one.ci95[0] <= true <= one.ci95[1]
+        for one, true, neutral in sizes
+    )
     said = {
         name: {p: (e.value, *e.ci95) for p, e in c.parameters.items()} for name, c in causes.items()
     }

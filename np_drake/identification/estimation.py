@@ -185,13 +185,11 @@ class Layout:
             z: (size,) standardised coordinates.
             flight: whose own parameters are included; None: the mean of those of all flights.
         """
-        found = dict(self.fixed)
-        for p, c in zip(self.shared, z, strict=False):
-            found[p.name] = p.value(c)
-        own = z[len(self.shared) :].reshape(self.flights, len(self.own))
-        for p, c in zip(self.own, own.mean(axis=0) if flight is None else own[flight], strict=True):
-            found[p.name] = p.value(c)
-        return found
+        shared, each = np.split(z, [len(self.shared)])
+        each = each.reshape(self.flights, len(self.own))
+        own = each.mean(axis=0) if flight is None else each[flight]
+        both = zip((*self.shared, *self.own), (*shared, *own), strict=True)
+        return {**self.fixed, **{p.name: p.value(c) for p, c in both}}
 
 
 ORDER = 16  # of the autoregressive model; own choice: 0.16 s at 100 Hz
@@ -248,9 +246,8 @@ class Whitening:
         Args:
             values: (m, c) channels, or how they change with a parameter.
         """
-        out = np.empty_like(values)
-        for i, taps in enumerate(self.taps):
-            out[:, i] = scipy.signal.lfilter(taps, 1.0, values[:, i])
+        filtered = zip(self.taps, values.T, strict=True)
+        out = np.stack([scipy.signal.lfilter(taps, 1.0, v) for taps, v in filtered], axis=1)
         return out * np.where(self.good[:, None], self.weight, 0.0)
 
 

@@ -126,10 +126,10 @@ def identify(
         hold.
     """
     drive = common_drive(flights, drive)
-    notes, seen, kept = [], [], []
+    seen, kept = [], []
     long = [log for log in flights if lasts(log) >= SHORTEST]
-    for log in (log for log in flights if lasts(log) < SHORTEST):
-        notes.append(f"{log.name}: shorter than {SHORTEST:g} s; left out")
+    short = (log.name for log in flights if lasts(log) < SHORTEST)
+    notes = [f"{name}: shorter than {SHORTEST:g} s; left out" for name in short]
     if not long:
         most = max(map(lasts, flights), default=0.0)
         raise ValueError(

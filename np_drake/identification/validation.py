@@ -214,8 +214,6 @@ def adapted(
     flight, frame = signals(log, found.prior.unmixer, found.basis.drive), found.basis.frame
     begin = first + min(ADAPTED / (log.t[-1] - log.t[0]), LARGEST_SHARE * (last - first))
     early = FlightModel(flight.part(first, begin), frame)
-    own = {}
-    for name, v in rows.items():
-        layout = Layout((), found.estimate.layout.own, 1, v)
-        own[name] = layout.values(estimate([early], layout).z, 0)
+    layouts = {n: Layout((), found.estimate.layout.own, 1, v) for n, v in rows.items()}
+    own = {n: layout.values(estimate([early], layout).z, 0) for n, layout in layouts.items()}
     return FlightModel(flight.part(begin, last), frame), own

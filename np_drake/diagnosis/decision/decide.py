@@ -501,9 +501,11 @@ class SizePosterior:
             return np.ones(len(self.draws), bool)
         tolerance, least = options.tolerance, options.materiality
         # Of the attitude against the rotors' axes, all together [rad].
-        lean = (tolerance.attitude, tolerance.mounting)
-        if tolerance.unmeasured:
-            lean = (SPREAD.tilt, SPREAD.mounting)
+        lean = (
+            (SPREAD.tilt, SPREAD.mounting)
+            if tolerance.unmeasured
+            else (tolerance.attitude, tolerance.mounting)
+        )
         error = least.sensor * float(np.hypot(*lean)) * self._flights[0].weight
         forces = []  # in W while it acts
         for e in self._flights:
