@@ -35,6 +35,7 @@ from diagrams.identification.page import (
     write_page,
 )
 from diagrams.studies.options import tabulate
+from np_drake.files.file_access import plain
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
@@ -354,7 +355,7 @@ def _span(bounds: Iterable[float]) -> str:
 def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
     """Return the values of `--json`."""
     each = {told.quantity.name: told for told in flight_values(found)}
-    return {
+    content = {
         "fitted": [model.flight.name for model in found.models],
         "quantities": [_quantity(q, each.get(q.name)) for q in found.quantities],
         "by_flight": [
@@ -362,10 +363,8 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
                 "name": own.quantity.name,
                 "unit": own.quantity.quantity.unit,
                 "agreement": own.quantity.p,
-                "flights": [
-                    list(map(float, row)) for row in zip(own.value, own.low, own.high, strict=True)
-                ],
-                "apart": list(own.apart),
+                "flights": np.transpose([own.value, own.low, own.high]),
+                "apart": own.apart,
             }
             for own in own_values(found)
         ],
@@ -373,9 +372,9 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
             {
                 "axis": axis,
                 "lag": one.lag,
-                "lag95": list(one.lag_interval),
+                "lag95": one.lag_interval,
                 "gain": one.gain,
-                "gain95": list(one.gain_interval),
+                "gain95": one.gain_interval,
                 "share": one.share,
             }
             for axis, one in zip("xyz", found.rate_loop, strict=False)
@@ -386,37 +385,24 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
             {"names": names, "because": why, "manoeuvre": way}
             for way, names, why in not_told(found)
         ],
-        "held_out": [
-            {
-                "flight": r.flight,
-                "model": r.model,
-                "force": list(map(float, r.force)),
-                "torque": list(map(_finite, r.torque)),
-                "open_loop": [[_finite(x) for x in row] for row in r.open_loop],
-            }
-            for r in rows
-        ],
+        "held_out": [dc.asdict(row) for row in rows],
     }
+    return plain(content)
 
 
 def _quantity(q: Identified, told: FlightValues | None) -> dict[str, Any]:
     """Return the values of a quantity, and what each flight tells of it alone."""
-    rows = [] if told is None else zip(told.value, told.low, told.high, strict=True)
     return {
         "name": q.name,
         "field": q.quantity.field,
-        "index": list(q.quantity.index),
+        "index": q.quantity.index,
         **({"rotor": dc.asdict(q.rotor)} if q.rotor else {}),
         "unit": q.quantity.unit,
         "value": q.value,
         "ci95": [q.low, q.high],
-        "prior95": list(q.prior),
+        "prior95": q.prior,
         "told": q.told,
-        "agreement": _finite(q.p),
-        "flights": [[_finite(v) for v in row] for row in rows],
-        "apart": [] if told is None else list(told.apart),
+        "agreement": q.p,
+        "flights": [] if told is None else np.transpose([told.value, told.low, told.high]),
+        "apart": [] if told is None else told.apart,
     }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if value == value and abs(value) != float("inf") else None
