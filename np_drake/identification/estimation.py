@@ -410,8 +410,8 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
             covariances.append(_sandwich(inverse, scores))
     # What disagreement adds to the variances of z (k,): between flights, and of what is their own.
     between = np.zeros(layout.size)
-    for name, own in agreement.items():
-        between[layout.names.index(name)] = _between(own)
+    for name, told in agreement.items():
+        between[layout.names.index(name)] = _between(told)
     for i in range(len(layout.own) if layout.flights > 1 else 0):
         each = slice(len(layout.shared) + i, None, len(layout.own))
         beyond = np.var(z[each], ddof=1) - np.mean(np.diag(covariances[1])[each])

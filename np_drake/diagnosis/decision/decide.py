@@ -20,7 +20,6 @@ from np_drake.diagnosis.fitting import (
     greatest_height,
     half_width,
     impossible,
-    interval,
     scaled_jacobian,
 )
 from np_drake.diagnosis.forward_model import Term, pendulum_error, predicted_residual
@@ -244,8 +243,7 @@ def estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> dict[str,
     """
     effect, out = fit.terms[i].effect, {}
     for p in effect.parameters:
-        value, (lower, upper) = float(getattr(effect, p.name)), interval(fit, i, p.name)
-        half = 0.5 * (upper - lower)
+        value, half = float(getattr(effect, p.name)), half_width(fit, i, p.name)
         if isinstance(effect, SuspendedPayload):
             value, half = _of_pendulum(fit, i, p.name, half, effect, vehicle, options)
         out[p.name] = Estimate(value, p.unit, (value - half, value + half))
@@ -276,8 +274,7 @@ def _of_pendulum(
 
     half: half the interval of the fit.
     """
-    low, high = interval(fit, i, "damping")
-    unsure = 0.5 * (high - low) / SURE if options.tolerance.unmeasured else None
+    unsure = half_width(fit, i, "damping") / SURE if options.tolerance.unmeasured else None
     factor, error = pendulum_error(name, payload, vehicle, options.priors, unsure)
     return factor * getattr(payload, name), factor * float(np.hypot(half, SURE * error))
 
