@@ -458,13 +458,11 @@ def differences(
     if tolerance.unmeasured:
         *errors, body, _ = fit.linear
         found += _of_parameters(body, of_vehicle(flights[0], tolerance), rotors)
-        parts = dict(zip((e.name for e in flights), errors, strict=True))
-        found += _of_flights(
-            {
-                e.name: _of_parameters(parts[e.name], of_flight(e, tolerance), rotors)
-                for e in flights
-            }
-        )
+        parts = {
+            e.name: _of_parameters(part, of_flight(e, tolerance), rotors)
+            for e, part in zip(flights, errors, strict=True)
+        }
+        found += _of_flights(parts)
     return tuple(sorted(found, key=lambda d: -d.in_deviations))
 
 

@@ -258,22 +258,23 @@ def headline(diagnosis: Diagnosis) -> str:
     left, sizes = reduction.left, sizes_left(reduction.left)
     unknown = UNKNOWN in diagnosis.verdict
     causes = named_causes(diagnosis)
+    first = causes[:MOST_NAMED]
+    more = [f"{len(causes) - len(first)} more"] * (len(causes) > len(first))
     if diagnosis.before:
         since = f"since the flight{'s' * (len(diagnosis.before) > 1)} before"
         left_over = f"; {percent(left.share)} of the gap on {judges} remains unexplained" * unknown
         if not causes:
             would = f"{seen(diagnosis)} would"
             return f"Nothing changed {since} that these flights would show: {would}{left_over}"
-        named = [changed(c) + _or_else(c) for c in causes[:MOST_NAMED]]
-        named += [f"{len(causes) - len(named)} more"] * (len(causes) > len(named))
+        named = [*(changed(c) + _or_else(c) for c in first), *more]
         # What the balance of rotors alone tells explains nothing of the gap.
         acts = reduction.material and any(np.isfinite(c.held_out_gain) for c in causes)
-        explained = f"; {_explained(diagnosis, causes)}" * acts
+        explained = f"; {_explained(diagnosis, causes, ['this'])}" * acts
         return f"Changed {since}: {listed(named)}{explained}{left_over}"
     if not reduction.material:
         return f"There is no material gap on {judges}"
     if causes:
-        text = capital(_explained(diagnosis, causes))
+        text = capital(_explained(diagnosis, causes, [*map(phrase, first), *more]))
         told = f"probability that it is material {probability(left.probability)}"
         rest = f"; {percent(left.share)} remains unexplained: {sizes} ({told})"
         return text + rest * unknown
@@ -290,15 +291,11 @@ def _or_else(cause: Cause) -> str:
     return f" or {listed(others, 'or')}, which these flights do not tell apart" if others else ""
 
 
-def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
-    """Return the causes as subject, what flights contradict, the share of the gap, and whether the
-    replay improves.
+def _explained(diagnosis: Diagnosis, causes: Sequence[Cause], names: Sequence[str]) -> str:
+    """Return the names of causes as subject, what flights contradict, the share of the gap, and
+    whether the replay improves.
     """
-    names = [phrase(cause) for cause in causes[:MOST_NAMED]]
-    rest = len(causes) - len(names)
-    if diagnosis.before:
-        names, rest = ["this"], 0
-    names += [f"{rest} more"] * (rest > 0) + ["calibration"] * bool(diagnosis.calibration)
+    names = [*names, *["calibration"] * bool(diagnosis.calibration)]
     one, share, judges = len(names) == 1, diagnosis.gap_reduction.fraction, _judges(diagnosis)
     if share < 0:
         return f"{listed(names)} {'does' if one else 'do'} not help: the gap on {judges} grows"
