@@ -148,7 +148,7 @@ def test_a_tether_never_pushes():
     np.testing.assert_array_equal(f, 0.0)
 
 
-def test_a_turning_hook_moves_across_its_arm_and_accelerates_to_the_axis_and_along_the_turn():
+def test_a_turning_hook_moves_across_its_arm_and_accelerates_to_the_axis():
     x = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0.5, 0, 0, 0, 0, 2.0])
     np.testing.assert_allclose(hook_velocity((0.1, 0, 0), x), [0.5, 0.2, 0.0], atol=1e-12)
     a = hook_acceleration((0.1, 0, 0), x, np.array([0, 0, 1.0]), np.array([0, 0, 5.0]))
