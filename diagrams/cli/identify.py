@@ -35,6 +35,7 @@ from diagrams.identification.page import (
     write_page,
 )
 from diagrams.studies.options import tabulate
+from np_drake.files.file_access import plain
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
@@ -122,14 +123,15 @@ def identify(
         require_once([*logs, *judges])
         common_drive([], input)  # refuses what is no input before logs are read
         _check_mass(mass, trust, vehicle)
-        frame = {"wheelbase": wheelbase, "propeller": propeller, "order": order}
-        prior = _prior_of(vehicle, {**frame, "mass": mass}, props)
+        frame = {"wheelbase": wheelbase, "propeller": propeller, "order": order, "mass": mass}
+        prior = _prior_of(vehicle, frame, props)
         mass = None if trust == "thrust" else mass or prior.mass
         read = _read_logs([*logs, *judges], log_map, advance)
         prior = _with_stated_props(prior, read, props, known=vehicle is not None)
         opened = [found.flights for found in with_vehicle(read, prior)]
         judging = [log for found in opened[len(logs) :] for log in found]
-        drive = common_drive([log for found in opened for log in found], input)
+        flown = [log for flights in opened for log in flights]
+        drive = common_drive(flown, input)
         require(
             trust == "mass" or drive in ("rotor_speed", "command"),
             f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
@@ -143,7 +145,6 @@ def identify(
         advance(FITTED, "judging")
         rows = errors_on(found, judging, parts)
         advance(1.0)
-    flown = [log for flights in opened for log in flights]
     untold = [] if tell_directions(flown, prior) else [UNTOLD]
     unused = [] if input else left_out(flown, drive)
     warnings = noted(flown, [*untold, *unused, *said, *found.notes])
@@ -213,9 +214,13 @@ def _prior_of(vehicle: Path | None, measures: dict[str, Any], props: str | None)
     beside = ", ".join(option for option, there in given.items() if there and option != "--mass")
     require(not beside, f"--vehicle: holds the rotors' places; leave {beside} out.")
     prior = load_vehicle(vehicle)
-    if props is None:
-        return prior
-    return dc.replace(prior, rotor_directions=directions_of(prior.rotor_positions, props))
+    return prior if props is None else _turning(prior, props)
+
+
+def _turning(vehicle: Vehicle, props: str) -> Vehicle:
+    """Return the vehicle with propellers that turn in or out at the front."""
+    directions = directions_of(vehicle.rotor_positions, props)
+    return dc.replace(vehicle, rotor_directions=directions)
 
 
 def _read_logs(paths: list[Path], log_map: Path | None, advance: Any) -> list[Opened]:
@@ -247,16 +252,14 @@ def _with_stated_props(
     Raises: ValueError: where an option contradicts a log.
     """
     logs = [log for found in read for log in found.flights]
-    for name, layout in ((log.name, log.layout) for log in logs if log.layout is not None):
+    stated = [(log.name, log.layout) for log in logs if log.layout and log.layout.props]
+    for name, layout in stated:
         require(
-            not (props and layout.props) or props == layout.props,
+            props in (None, layout.props),
             f"--props {props}: the propellers of {name} turn {layout.props} at the front "
             f"({layout.source}). Leave --props out.",
         )
-        if layout.props and not known:
-            directions = directions_of(prior.rotor_positions, layout.props)
-            return dc.replace(prior, rotor_directions=directions)
-    return prior
+    return prior if known or not stated else _turning(prior, stated[0][1].props)
 
 
 def _split(
@@ -352,7 +355,7 @@ def _span(bounds: Iterable[float]) -> str:
 def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
     """Return the values of `--json`."""
     each = {told.quantity.name: told for told in flight_values(found)}
-    return {
+    content = {
         "fitted": [model.flight.name for model in found.models],
         "quantities": [_quantity(q, each.get(q.name)) for q in found.quantities],
         "by_flight": [
@@ -360,10 +363,8 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
                 "name": own.quantity.name,
                 "unit": own.quantity.quantity.unit,
                 "agreement": own.quantity.p,
-                "flights": [
-                    list(map(float, row)) for row in zip(own.value, own.low, own.high, strict=True)
-                ],
-                "apart": list(own.apart),
+                "flights": np.transpose([own.value, own.low, own.high]),
+                "apart": own.apart,
             }
             for own in own_values(found)
         ],
@@ -371,9 +372,9 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
             {
                 "axis": axis,
                 "lag": one.lag,
-                "lag95": list(one.lag_interval),
+                "lag95": one.lag_interval,
                 "gain": one.gain,
-                "gain95": list(one.gain_interval),
+                "gain95": one.gain_interval,
                 "share": one.share,
             }
             for axis, one in zip("xyz", found.rate_loop, strict=False)
@@ -384,37 +385,24 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
             {"names": names, "because": why, "manoeuvre": way}
             for way, names, why in not_told(found)
         ],
-        "held_out": [
-            {
-                "flight": r.flight,
-                "model": r.model,
-                "force": list(map(float, r.force)),
-                "torque": list(map(_finite, r.torque)),
-                "open_loop": [[_finite(x) for x in row] for row in r.open_loop],
-            }
-            for r in rows
-        ],
+        "held_out": [dc.asdict(row) for row in rows],
     }
+    return plain(content)
 
 
 def _quantity(q: Identified, told: FlightValues | None) -> dict[str, Any]:
     """Return the values of a quantity, and what each flight tells of it alone."""
-    rows = [] if told is None else zip(told.value, told.low, told.high, strict=True)
     return {
         "name": q.name,
         "field": q.quantity.field,
-        "index": list(q.quantity.index),
+        "index": q.quantity.index,
         **({"rotor": dc.asdict(q.rotor)} if q.rotor else {}),
         "unit": q.quantity.unit,
         "value": q.value,
         "ci95": [q.low, q.high],
-        "prior95": list(q.prior),
+        "prior95": q.prior,
         "told": q.told,
-        "agreement": _finite(q.p),
-        "flights": [[_finite(v) for v in row] for row in rows],
-        "apart": [] if told is None else list(told.apart),
+        "agreement": q.p,
+        "flights": [] if told is None else np.transpose([told.value, told.low, told.high]),
+        "apart": [] if told is None else told.apart,
     }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if value == value and abs(value) != float("inf") else None

@@ -397,7 +397,7 @@ def _flights(ax, told: FlightValues) -> None:
     ax.set_title(p, loc="right", fontsize=10, fontweight=weight)
     ax.set_ylabel(f"[{shown or '1'}]")
     ax.ticklabel_format(axis="y", useOffset=False)
-    _tidy(ax, "y")
+    _tidy(ax)
 
 
 def residual_figure(rows: Sequence[HeldOut]) -> Figure:
@@ -423,12 +423,12 @@ def residual_figure(rows: Sequence[HeldOut]) -> Figure:
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.yaxis.set_major_formatter(PLAIN_TICKS)
         ax.yaxis.set_minor_locator(NullLocator())
-        _tidy(ax, "y")
+        _tidy(ax)
     legend(figure)
     return figure
 
 
-def _tidy(ax, axis: str = "both") -> None:
-    ax.grid(axis=axis, alpha=0.3, linewidth=0.6)
+def _tidy(ax) -> None:
+    ax.grid(axis="y", alpha=0.3, linewidth=0.6)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)

@@ -3,7 +3,7 @@ from throttle logs before and since.
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Any
 
@@ -33,71 +33,49 @@ CLOSE = 0.2  # error of a size over the change that counts as right [1]; own cho
 Change = dict[str, dict[str, float]]  # size by effect and parameter [SI]
 
 
-def _drawn(rng: np.random.Generator, least: float, most: float) -> float:
-    """Return a change of either sign, of this size [1]."""
-    return float(rng.choice([-1.0, 1.0]) * rng.uniform(least, most))
+# Least and largest change of a part of the vehicle, of either sign [1].
+SIZES = {"thrust": (0.05, 0.3), "torque over thrust": (0.1, 0.4), "mass": (0.1, 0.25)}
+CHANGES = (
+    "thrust",
+    "torque over thrust",
+    "thrust, torque over thrust",  # of propellers of another pitch
+    "mass",  # at the centre
+    "one rotor",
+    "battery",  # of four cells in place of three, or the reverse
+    "nothing",
+)
 
 
-def thrust(truth: Truth, rng: np.random.Generator) -> tuple[Truth, Change]:
-    """Return the vehicle with rotors of other thrust at the same throttle, and the change."""
-    scale = 1.0 + _drawn(rng, 0.05, 0.3)
-    stronger = dc.replace(truth.throttle, full_thrust=scale * truth.throttle.full_thrust)
-    vehicle = dc.replace(truth.vehicle, max_rotor_thrust=scale * truth.vehicle.max_rotor_thrust)
-    change = {ThrustScale.identifier: {"scale": scale}}
-    return dc.replace(truth, throttle=stronger, vehicle=vehicle), change
+def changed(truth: Truth, kind: str, rng: np.random.Generator) -> tuple[Truth, Change]:
+    """Return the vehicle after a change of a kind of `CHANGES`, and the change."""
+    v, change, parts = truth.vehicle, Change(), kind.split(", ")
+    scale = dict.fromkeys(SIZES, 1.0)
+    for part in (part for part in SIZES if part in parts):
+        scale[part] += float(rng.choice([-1.0, 1.0]) * rng.uniform(*SIZES[part]))
+    thrust, torque, mass = scale.values()
+    if "thrust" in parts:
+        change[ThrustScale.identifier] = {"scale": thrust}
+    if "torque over thrust" in parts:
+        change[TorqueRatio.identifier] = {"ratio": torque}
+    if "mass" in parts:
+        change[MassError.identifier] = {"delta_mass": (mass - 1.0) * v.mass}
+    gains = list(v.calibration.rotor_gains)
+    if kind == "one rotor":
+        number, efficiency = int(rng.integers(4)), float(rng.uniform(0.75, 0.92))
+        gains[number] *= efficiency
+        change[WeakRotor.identifier] = {"rotor": number + 1.0, "efficiency": efficiency}
+    vehicle = dc.replace(
+        v,
+        mass=mass * v.mass,
+        torque_coefficient=torque * v.torque_coefficient,
+        max_rotor_thrust=thrust * v.max_rotor_thrust,
+        calibration=dc.replace(v.calibration, rotor_gains=gains),
+    )
+    throttle = dc.replace(truth.throttle, full_thrust=thrust * truth.throttle.full_thrust)
+    cells = float(rng.choice([3 / 4, 4 / 3])) if kind == "battery" else 1.0
+    return dc.replace(truth, vehicle=vehicle, throttle=throttle, cells=cells), change
 
 
-def ratio(truth: Truth, rng: np.random.Generator) -> tuple[Truth, Change]:
-    """Return the vehicle with rotors of other torque at the same thrust, and the change."""
-    scale = 1.0 + _drawn(rng, 0.1, 0.4)
-    torque = scale * truth.vehicle.torque_coefficient
-    vehicle = dc.replace(truth.vehicle, torque_coefficient=torque)
-    return dc.replace(truth, vehicle=vehicle), {TorqueRatio.identifier: {"ratio": scale}}
-
-
-def propellers(truth: Truth, rng: np.random.Generator) -> tuple[Truth, Change]:
-    """Return the vehicle with propellers of another pitch: other thrust and other torque."""
-    truth, of_thrust = thrust(truth, rng)
-    truth, of_torque = ratio(truth, rng)
-    return truth, of_thrust | of_torque
-
-
-def mass(truth: Truth, rng: np.random.Generator) -> tuple[Truth, Change]:
-    """Return the vehicle with a mass at its centre, or without, and the change."""
-    more = _drawn(rng, 0.1, 0.25) * truth.vehicle.mass
-    vehicle = dc.replace(truth.vehicle, mass=truth.vehicle.mass + more)
-    return dc.replace(truth, vehicle=vehicle), {MassError.identifier: {"delta_mass": more}}
-
-
-def rotor(truth: Truth, rng: np.random.Generator) -> tuple[Truth, Change]:
-    """Return the vehicle with a weaker rotor, and the change."""
-    number, efficiency = int(rng.integers(4)), float(rng.uniform(0.75, 0.92))
-    gains = list(truth.vehicle.calibration.rotor_gains)
-    gains[number] *= efficiency
-    calibration = dc.replace(truth.vehicle.calibration, rotor_gains=gains)
-    change = {WeakRotor.identifier: {"rotor": number + 1.0, "efficiency": efficiency}}
-    return dc.replace(truth, vehicle=dc.replace(truth.vehicle, calibration=calibration)), change
-
-
-def battery(truth: Truth, rng: np.random.Generator) -> tuple[Truth, Change]:
-    """Return the vehicle with a battery of four cells in place of three, or the reverse."""
-    return dc.replace(truth, cells=float(rng.choice([3 / 4, 4 / 3]))), {}
-
-
-def nothing(truth: Truth, rng: np.random.Generator) -> tuple[Truth, Change]:
-    """Return the vehicle as it is."""
-    return truth, {}
-
-
-CHANGES: dict[str, Callable[[Truth, np.random.Generator], tuple[Truth, Change]]] = {
-    "thrust": thrust,
-    "torque over thrust": ratio,
-    "thrust, torque over thrust": propellers,
-    "mass": mass,
-    "one rotor": rotor,
-    "battery": battery,
-    "nothing": nothing,
-}
 FILES = ("described", "rough")
 # Of eight cases in turn; thrust twice.
 KINDS = (*CHANGES, "thrust")
@@ -131,10 +109,10 @@ def flown(
     for attempt in range(ATTEMPTS):
         rng = np.random.default_rng((seed, attempt))
         truth = with_file(draw_truth(rng, "throttle"), file)
-        changed, change = CHANGES[kind](truth, rng)
+        later, change = changed(truth, kind, rng)
         try:
             before = _scattered(truth, rng, BEFORE, seconds, "before")
-            since = _scattered(changed, rng, TRAIN + 1, seconds, "since")
+            since = _scattered(later, rng, TRAIN + 1, seconds, "since")
         except (FailedRun, ValueError):
             continue
         return truth, change, before, since
@@ -170,13 +148,15 @@ def verdict(found: Diagnosis, change: Change) -> dict[str, Any]:
     """
     causes = {c.identifier: c for c in found.causes if c.changed}
     named = set(causes) == set(change)
-    right = named
-    for effect, values in change.items() if named else ():
-        neutral = {p.name: p.neutral for p in effect_of(effect).parameters}
-        for name, true in values.items():
-            one = causes[effect].parameters[name]
-            close = abs(one.value - true) <= CLOSE * abs(true - neutral[name])
-            right &= close or one.ci95[0] <= true <= one.ci95[1]
+    sizes = [
+        (causes[effect].parameters[p.name], values[p.name], p.neutral)
+        for effect, values in change.items()
+        for p in (effect_of(effect).parameters if named else ())
+    ]
+    right = named and all(
+        abs(one.value - true) <= CLOSE * abs(true - neutral) or one.ci95[0] <= true <= one.ci95[1]
+        for one, true, neutral in sizes
+    )
     said = {
         name: {p: (e.value, *e.ci95) for p, e in c.parameters.items()} for name, c in causes.items()
     }

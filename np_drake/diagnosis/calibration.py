@@ -50,6 +50,7 @@ from np_drake.effects.base import ActuatorEffect, Effect, Parameter, SensorEffec
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.library import CHANGES
 from np_drake.files.number_text import number
+from np_drake.logs.importing.signals import Signal
 from np_drake.logs.inputs import hover_exponent, voltage_of
 from np_drake.logs.rotors import named_rotors
 from np_drake.rigid_body import V
@@ -81,9 +82,10 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
     published = published_priors()
     inertia = published.rotor_inertia.median * mass * span**2
     # Of moments of inertia a gain of the torque has all but the gyroscopic torque.
-    moments = {}
-    for i, (p, J) in enumerate(zip(InertiaError.parameters, vehicle.J.diagonal(), strict=True)):
-        moments[p.name] = stated("inertia", published.inertia.deviation * J, i, i) / J
+    moments = {
+        p.name: stated("inertia", published.inertia.deviation * J, i, i) / J
+        for i, (p, J) in enumerate(zip(InertiaError.parameters, vehicle.J.diagonal(), strict=True))
+    }
     center = [span * SPREAD.center_of_mass] * 2 + [span * SPREAD.center_of_mass_height]
     found = [
         *(
@@ -112,17 +114,14 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
         tilt = {
             axis: stated("calibration.imu_tilt", SPREAD.mounting, i) for i, axis in enumerate(AXES)
         }
-        found.append(Deviation(ImuMounting, tilt))
-        found.append(Deviation(AttitudeLatency, {"latency": SPREAD.latency}))
+        latency = {"latency": SPREAD.latency}
+        found += [Deviation(ImuMounting, tilt), Deviation(AttitudeLatency, latency)]
     if e.log.a is not None:
         offset = dict.fromkeys("xyz", SPREAD.accelerometer_offset)
         found.append(Deviation(AccelerometerBias, offset))
     if not e.measured_rotors:
-        found.append(
-            Deviation(
-                CommandDelay, {"delay": stated("calibration.command_delay", SPREAD.command_time)}
-            )
-        )
+        delay = stated("calibration.command_delay", SPREAD.command_time)
+        found.append(Deviation(CommandDelay, {"delay": delay}))
         lags = SPREAD.lags if "rotor_time_constant" not in vehicle.intervals else ()
         found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
     return found
@@ -208,11 +207,11 @@ def nuisance_of(
     """Return all that every model holds, as columns with prior N(0, 1): errors of the file, what
     flights differ by, and what an unmeasured vehicle and its airframe differ by from the file.
     """
-    found = [*file_errors(flights, tolerance), *flight_errors(flights, tolerance)]
-    for of in vehicle_columns(flights, tolerance, priors):
-        columns = {e.name: of(e) for e in flights}
-        found.append(Candidate((), LINEAR, columns, lambda c: [], generic=of))
-    return found
+    vehicle = [
+        Candidate((), LINEAR, {e.name: of(e) for e in flights}, lambda c: [], generic=of)
+        for of in vehicle_columns(flights, tolerance, priors)
+    ]
+    return [*file_errors(flights, tolerance), *flight_errors(flights, tolerance), *vehicle]
 
 
 def vehicle_columns(
@@ -317,9 +316,8 @@ def flight_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> l
 def errors_of(e: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
     """Return columns (m, 15, k) of what a flight differs by from others of its vehicle."""
     constant = columns_of(e, of_flight(e, tolerance))
-    if not tolerance.unmeasured:
-        return constant
-    return np.concatenate([constant, drift_columns(e)], axis=-1)
+    drift = [drift_columns(e)] if tolerance.unmeasured else []
+    return np.concatenate([constant, *drift], axis=-1)
 
 
 def drift_columns(e: FlightResiduals) -> np.ndarray:
@@ -331,7 +329,7 @@ def drift_columns(e: FlightResiduals) -> np.ndarray:
     """
     count = max(2, round((e.t[-1] - e.t[0]) / SPREAD.drift_time) + 1)
     knots = np.linspace(e.t[0], e.t[-1], count)
-    hats = np.stack([np.interp(e.t, knots, unit) for unit in np.eye(count)], axis=1)
+    hats = Signal(knots, np.eye(count)).linear(e.t)
     moment = SPREAD.torque_drift * e.weight * arm(e.vehicle)
     level = SPREAD.tilt_drift * e.weight
     # As much as a battery sags from knot to knot.
@@ -461,13 +459,11 @@ def differences(
     if tolerance.unmeasured:
         *errors, body, _ = fit.linear
         found += _of_parameters(body, of_vehicle(flights[0], tolerance), rotors)
-        parts = dict(zip((e.name for e in flights), errors, strict=True))
-        found += _of_flights(
-            {
-                e.name: _of_parameters(parts[e.name], of_flight(e, tolerance), rotors)
-                for e in flights
-            }
-        )
+        parts = {
+            e.name: _of_parameters(part, of_flight(e, tolerance), rotors)
+            for e, part in zip(flights, errors, strict=True)
+        }
+        found += _of_flights(parts)
     return tuple(sorted(found, key=lambda d: -d.in_deviations))
 
 
@@ -498,11 +494,12 @@ def _of_parameters(
     first = slice(len(size))  # before the drift of a flight
     value = part.coefficients[first] * size
     covariance = part.covariance[first, first] * np.outer(size, size)
-    found, lags = list[Difference](), [k for k, (d, _) in enumerate(every) if d.at_value]
-    for k, (d, p) in enumerate(every):
-        if not d.at_value:
-            found.append(_difference(d, p, value[k], np.sqrt(covariance[k, k]), rotors))
-    if lags:
+    found = [
+        _difference(d, p, value[k], np.sqrt(covariance[k, k]), rotors)
+        for k, (d, p) in enumerate(every)
+        if not d.at_value
+    ]
+    if lags := [k for k, (d, _) in enumerate(every) if d.at_value]:
         d, p = every[lags[-1]]
         lag = dc.replace(d, deviation={p.name: float(np.linalg.norm(size[lags]))})
         sigma = np.sqrt(covariance[np.ix_(lags, lags)].sum())

@@ -38,6 +38,7 @@ from np_drake.effects.combine import EffectsByPlace, mass_properties, total_wren
 from np_drake.effects.library import REQUIREMENTS, effect_of
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.flight_log import FlightLog
+from np_drake.logs.importing.signals import Signal
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
 
@@ -345,8 +346,7 @@ def payload_track(
         _local_polynomial(states.x[:, V], step, PAYLOAD_SPAN, order=2, derivative=1) + gravity
     )
     # Thrust plus the forces of the other effects (n, 3) in W [N].
-    u = np.stack([np.interp(states.t, log.t, column) for column in log.u.T], axis=1)
-    thrust = vehicle.saturate(u) @ vehicle.unmixer.T
+    thrust = vehicle.saturate(Signal(log.t, log.u).linear(states.t)) @ vehicle.unmixer.T
     for effect in effects.actuator:
         thrust = effect.respond(vehicle, states.t, thrust)
     pushing = [effect.beside(log.neighbours) for effect in effects.wrench]

@@ -5,8 +5,6 @@ documented fields.
 import dataclasses as dc
 import math
 
-import scipy
-
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.sources import SURE as SURE
@@ -39,19 +37,6 @@ class Tolerance:
         """Return the tolerance of the sensor that an effect is about; 0 for others."""
         sensor = effect.tolerance and effect.place == "measurement"
         return float(getattr(self, effect.tolerance)) if sensor else 0.0
-
-
-ODDS = 0.0124  # share of healthy vehicles beyond whose size a size is a cause [1]; own choice
-
-
-def unhealthy(parameters: int) -> float:
-    """Return the size, in standard deviations of healthy vehicles, beyond which `ODDS` of them
-    are.
-
-    Args:
-        parameters: number of independent parameters, whose size is the norm.
-    """
-    return float(scipy.stats.chi.isf(ODDS, parameters))
 
 
 IDEAL_SENSORS = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001, real=False)

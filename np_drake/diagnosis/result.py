@@ -162,13 +162,6 @@ class Cause:
         share = self.effect.values["mass"] / self.parameters["mass"].value
         return [dc.replace(self.effect, mass=share * load.value) for load in self.loads]  # type: ignore[type-var]
 
-    def steps_as_json(self) -> dict[str, list[dict[str, Any]]]:
-        """Return them by flight: time [s], mass from then on and its 95 % interval [kg]."""
-        return {
-            name: [{"time": t, "mass": m.value, "ci95": m.ci95} for t, m in self.steps(name)]
-            for name in self.onset
-        }
-
 
 @dc.dataclass(frozen=True)
 class Difference:
@@ -410,6 +403,13 @@ class Diagnosis:
             "before": before and before.medians() | before.intervals(),
             "after": after and after.medians() | after.intervals(),
         }
+        steps = {
+            c.identifier: {
+                name: [{"time": t, "mass": m.value, "ci95": m.ci95} for t, m in c.steps(name)]
+                for name in c.onset
+            }
+            for c in self.causes
+        }
         return plain(
             {
                 "schema": SCHEMA,
@@ -427,7 +427,7 @@ class Diagnosis:
                         "parameters": {name: dc.asdict(e) for name, e in c.parameters.items()},
                         "onset": c.onset,
                         "absent_from": [e for e, time in c.onset.items() if time == np.inf],
-                        **({"steps": c.steps_as_json()} if c.loads else {}),
+                        **({"steps": steps[c.identifier]} if c.loads else {}),
                         "indistinguishable_from": c.indistinguishable_from,
                     }
                     for c in self.causes

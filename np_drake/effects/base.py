@@ -47,7 +47,7 @@ class Parameter:
     departure: str = ""
 
 
-def departure(p: Parameter, value: float, rotor: object = "", *, shares: bool) -> tuple[str, str]:
+def departure(p: Parameter, value: float, rotor: object, *, shares: bool) -> tuple[str, str]:
     """Return the unit of a parameter, and in words how far it departs from neutral by `value`.
 
     rotor: name of that of its effect, if any; shares: whether its factors are shares.
@@ -183,6 +183,11 @@ class Effect:
     def values(self) -> dict[str, float]:
         """Values of the parameters by name."""
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}
+
+    @property
+    def acts(self) -> bool:
+        """Whether any parameter is not neutral."""
+        return any(self.values[p.name] != p.neutral for p in self.parameters if not p.choices)
 
     @property
     def predicted(self) -> "Effect":

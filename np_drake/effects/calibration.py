@@ -48,18 +48,14 @@ def effects_of(calibration: Calibration, vehicle: Vehicle) -> tuple[Effect, ...]
     (`np_drake.logs.clock.shift_state` applies it to the log).
     """
     c, up = calibration, vehicle.rotor_time_constant
-    effects: list[Effect] = []
-    if any(c.center_of_mass):
-        effects.append(CenterOfMassOffset(*c.center_of_mass))
-    effects += [WeakRotor(float(i), gain) for i, gain in enumerate(c.rotor_gains, 1) if gain != 1]
-    if c.rotor_time_constant_down is not None and c.rotor_time_constant_down != up:
-        effects.append(UnevenLag(max(up, FASTEST), max(c.rotor_time_constant_down, FASTEST)))
-    if c.command_delay:
-        effects.append(CommandDelay(c.command_delay))
-    if c.rotor_inertia:
-        effects.append(RotorGyroscopic(c.rotor_inertia))
-    if any(c.imu_tilt):
-        effects.append(ImuMounting(*c.imu_tilt))
-    if c.clock_offset:
-        effects.append(ClockOffset(c.clock_offset))
-    return tuple(effects)
+    down = up if c.rotor_time_constant_down is None else c.rotor_time_constant_down
+    effects: tuple[Effect, ...] = (
+        CenterOfMassOffset(*c.center_of_mass),
+        *(WeakRotor(float(i), gain) for i, gain in enumerate(c.rotor_gains, 1)),
+        *([UnevenLag(max(up, FASTEST), max(down, FASTEST))] if down != up else []),
+        CommandDelay(c.command_delay),
+        RotorGyroscopic(c.rotor_inertia),
+        ImuMounting(*c.imu_tilt),
+        ClockOffset(c.clock_offset),
+    )
+    return tuple(e for e in effects if e.acts)

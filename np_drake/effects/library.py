@@ -54,10 +54,7 @@ def effect_of(identifier: str) -> type[Effect]:
     """Return the class of an effect; for what is none, as a structure `unknown:…`, the defaults of
     all effects.
     """
-    for known in (causes(), SIMULATED, NUISANCES):
-        if identifier in known:
-            return known[identifier]
-    return Effect
+    return (NUISANCES | in_scenarios()).get(identifier, Effect)
 
 
 # What a log must tell for some effects, and what is said of a log that does not.

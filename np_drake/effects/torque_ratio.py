@@ -28,7 +28,6 @@ class TorqueRatio(WrenchEffect):
     widens = False
     bench_check = "compare propellers: diameter, pitch, blades"
     excited_by = "yaw doublets"
-    requires = ("torque",)
     parameters = (
         Parameter("ratio", "1", 1.0, 0.2, 5.0, 0.2, departure="torque over thrust {signed}"),
     )

@@ -65,12 +65,8 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
             "scale", 0.0, 1.0, log=True
         ),  # thrust over mass, over that which hovers on the mean input
         # Gains of the rotors against each other: left to right, front to rear, by direction.
-        Parameter("gain_roll", 0.0, 0.03),
-        Parameter("gain_pitch", 0.0, 0.03),
-        Parameter("gain_yaw", 0.0, 0.03),
-        Parameter("com_x", 0.0, 0.05),
-        Parameter("com_y", 0.0, 0.05),
-        Parameter("com_z", 0.0, 0.05),
+        *(Parameter(f"gain_{axis}", 0.0, 0.03) for axis in ("roll", "pitch", "yaw")),
+        *(Parameter(f"com_{axis}", 0.0, 0.05) for axis in "xyz"),
         Parameter("jxx", moment.mean, moment.deviation, log=True),
         Parameter(
             "jyy", known.inertia_pitch.mean, known.inertia_pitch.deviation, log=True
@@ -78,9 +74,8 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter(
             "jzz", yaw.mean, yaw.deviation, log=True
         ),  # over jxx + jyy, which a flat vehicle reaches
-        Parameter("jxy", 0.0, 0.03),  # products over the mean of jxx and jyy
-        Parameter("jxz", 0.0, 0.03),
-        Parameter("jyz", 0.0, 0.03),
+        # Products over the mean of jxx and jyy.
+        *(Parameter(name, 0.0, 0.03) for name in ("jxy", "jxz", "jyz")),
         # Torque over thrust of a rotor, over its radius.
         Parameter("torque", known.torque_lever.mean, known.torque_lever.deviation, log=True),
         Parameter("lean_x", 0.0, 0.2),  # yaw of motors that lean, over their torque
@@ -92,16 +87,10 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
             known.rotor_inertia.deviation,
             log=True,
         ),
-        Parameter("imu_x", 0.0, 0.2, needs=("accelerometer",)),
-        Parameter("imu_y", 0.0, 0.2, needs=("accelerometer",)),
-        Parameter("imu_z", 0.0, 0.2, needs=("accelerometer",)),
-        Parameter("tilt_x", 0.0, 0.03, needs=("accelerometer",)),
-        Parameter("tilt_y", 0.0, 0.03, needs=("accelerometer",)),
-        Parameter("tilt_z", 0.0, 0.03, needs=("accelerometer",)),
+        *(Parameter(f"imu_{axis}", 0.0, 0.2, needs=("accelerometer",)) for axis in "xyz"),
+        *(Parameter(f"tilt_{axis}", 0.0, 0.03, needs=("accelerometer",)) for axis in "xyz"),
         # What rolls, pitches and yaws are coupled by beside tilt and products of inertia.
-        Parameter("twist_x", 0.0, 0.03),
-        Parameter("twist_y", 0.0, 0.03),
-        Parameter("twist_z", 0.0, 0.03),
+        *(Parameter(f"twist_{axis}", 0.0, 0.03) for axis in "xyz"),
         # Force and moment against velocity, over mass [1/s, 1/s, 1/m, arms/s, arms/s].
         Parameter("drag", 0.15, 0.15, needs=AIR),
         Parameter("climb", 0.15, 0.15, needs=AIR),
@@ -196,13 +185,11 @@ class Layout:
             z: (size,) standardised coordinates.
             flight: whose own parameters are included; None: the mean of those of all flights.
         """
-        found = dict(self.fixed)
-        for p, c in zip(self.shared, z, strict=False):
-            found[p.name] = p.value(c)
-        own = z[len(self.shared) :].reshape(self.flights, len(self.own))
-        for p, c in zip(self.own, own.mean(axis=0) if flight is None else own[flight], strict=True):
-            found[p.name] = p.value(c)
-        return found
+        shared, each = np.split(z, [len(self.shared)])
+        each = each.reshape(self.flights, len(self.own))
+        own = each.mean(axis=0) if flight is None else each[flight]
+        both = zip((*self.shared, *self.own), (*shared, *own), strict=True)
+        return {**self.fixed, **{p.name: p.value(c) for p, c in both}}
 
 
 ORDER = 16  # of the autoregressive model; own choice: 0.16 s at 100 Hz
@@ -259,9 +246,8 @@ class Whitening:
         Args:
             values: (m, c) channels, or how they change with a parameter.
         """
-        out = np.empty_like(values)
-        for i, taps in enumerate(self.taps):
-            out[:, i] = scipy.signal.lfilter(taps, 1.0, values[:, i])
+        filtered = zip(self.taps, values.T, strict=True)
+        out = np.stack([scipy.signal.lfilter(taps, 1.0, v) for taps, v in filtered], axis=1)
         return out * np.where(self.good[:, None], self.weight, 0.0)
 
 
@@ -424,9 +410,8 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
             covariances.append(_sandwich(inverse, scores))
     # What disagreement adds to the variances of z (k,): between flights, and of what is their own.
     between = np.zeros(layout.size)
-    for i, name in enumerate(layout.names):
-        if name in agreement:
-            between[i] = _between(agreement[name])
+    for name, told in agreement.items():
+        between[layout.names.index(name)] = _between(told)
     for i in range(len(layout.own) if layout.flights > 1 else 0):
         each = slice(len(layout.shared) + i, None, len(layout.own))
         beyond = np.var(z[each], ddof=1) - np.mean(np.diag(covariances[1])[each])

@@ -53,8 +53,8 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         sources[field] = _source(own, named)
     if basis.mass is not None:
         sources["mass"] = "given"
-    for field in ("gravity", "rotor_positions", "rotor_directions", "rotor_radius"):
-        sources[field] = f"given: {prior.name}"
+    given = ("gravity", "rotor_positions", "rotor_directions", "rotor_radius")
+    sources |= dict.fromkeys(given, f"given: {prior.name}")
     if (body := _possible(np.array(values.get("inertia", prior.inertia)))) is not None:
         values["inertia"] = body.tolist()
         sources["inertia"] += "; zz lowered to the largest that a body can have"

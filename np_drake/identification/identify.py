@@ -62,11 +62,10 @@ class Identification:
     parts: frozenset[str]
     models: tuple[FlightModel, ...]
     prior: Vehicle
-    notes: tuple[str, ...] = ()
-    rate_loop: tuple[
-        AxisLoop, ...
-    ] = ()  # of an autopilot; empty: logs hold no commanded rates, or show no loop
-    rotors: tuple[RotorName, ...] = ()  # what they are called
+    notes: tuple[str, ...]
+    # Of an autopilot; empty: logs hold no commanded rates, or show no loop.
+    rate_loop: tuple[AxisLoop, ...]
+    rotors: tuple[RotorName, ...]  # what they are called
 
     @cached_property
     def quantities(self) -> tuple[Identified, ...]:
@@ -85,10 +84,9 @@ class Identification:
             steepest = int(np.argmax(np.abs(_of_one_flight(gradient, layout))))
             follows = layout.names[steepest] if steepest < len(layout.shared) else ""
             p = e.agreement[follows].p if follows in e.agreement else float("nan")
-            gain = self.rotors and q.field == ROTOR_GAINS
-            rotor = self.rotors[q.index[0]] if gain else None
-            prior_ends = (both[0], both[1])
-            found.append(Identified(q, value, low, high, prior_ends, told, p, follows, rotor))
+            rotor = self.rotors[q.index[0]] if q.field == ROTOR_GAINS else None
+            known_ends = (both[0], both[1])
+            found.append(Identified(q, value, low, high, known_ends, told, p, follows, rotor))
         return tuple(found)
 
     def of(self, q: Quantity, z: np.ndarray) -> tuple[float, np.ndarray]:
@@ -128,10 +126,10 @@ def identify(
         hold.
     """
     drive = common_drive(flights, drive)
-    notes, seen, kept = [], [], []
+    seen, kept = [], []
     long = [log for log in flights if lasts(log) >= SHORTEST]
-    for log in (log for log in flights if lasts(log) < SHORTEST):
-        notes.append(f"{log.name}: shorter than {SHORTEST:g} s; left out")
+    short = (log.name for log in flights if lasts(log) < SHORTEST)
+    notes = [f"{name}: shorter than {SHORTEST:g} s; left out" for name in short]
     if not long:
         most = max(map(lasts, flights), default=0.0)
         raise ValueError(

@@ -4,6 +4,7 @@ them.
 
 import dataclasses as dc
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -61,10 +62,6 @@ class Basis:
         told].
         """
         return self.mass_of(v) * 0.25 * G * v["scale"] * v["charge"]
-
-    def coefficient_of(self, v: Values) -> float:
-        """Return the thrust coefficient: measured where rotor speed is logged [N/(rad/s)²]."""
-        return self.hover_thrust(v) / self.spin**2
 
 
 @dc.dataclass(frozen=True)
@@ -149,14 +146,8 @@ def _command(v: Values, b: Basis, weights: float) -> float:
     return b.frame.throttle * (1.0 + 2.0 * more / (v["slope"] + root))
 
 
-def _hover(v: Values, b: Basis) -> float:
-    """Return the collective command of hover [1]."""
-    return _command(v, b, 1.0)
-
-
-def _without_thrust(v: Values, b: Basis) -> float:
-    """Return the collective command at which the curve of thrust ends [1]."""
-    return _command(v, b, 0.0)
+_hover = partial(_command, weights=1.0)
+_without_thrust = partial(_command, weights=0.0)
 
 
 def _steepness(v: Values, b: Basis) -> float:
@@ -180,7 +171,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         "thrust coefficient",
         "thrust_coefficient",
         "N/(rad/s)²",
-        lambda v, b: b.coefficient_of(v),
+        lambda v, b: b.hover_thrust(v) / b.spin**2,
         positive=True,
         needs=("speed", "mass"),
         per_mass=True,
@@ -436,50 +427,23 @@ QUANTITIES: tuple[Quantity, ...] = (
         )
         for i, a in enumerate("xyz")
     ),
-    Quantity(
-        "drag, lateral",
-        "",
-        "1/s",
-        _drag("drag"),
-        needs=("velocity",),
-        why="it flies slowly",
-        manoeuvre="speed",
-    ),
-    Quantity(
-        "drag, vertical",
-        "",
-        "1/s",
-        _drag("climb"),
-        needs=("velocity",),
-        why="it climbs slowly",
-        manoeuvre=BLIPS,
-    ),
-    Quantity(
-        "lift of lateral speed",
-        "",
-        "1/m",
-        _plain("lift"),
-        needs=("velocity",),
-        why="it flies slowly",
-        manoeuvre="speed",
-    ),
-    Quantity(
-        "pitch moment of forward speed",
-        "",
-        "m/s",
-        _length("flap_x"),
-        needs=("velocity", "rotors"),
-        why="it flies slowly",
-        manoeuvre="speed",
-    ),
-    Quantity(
-        "roll moment of lateral speed",
-        "",
-        "m/s",
-        _length("flap_y"),
-        needs=("velocity", "rotors"),
-        why="it flies slowly",
-        manoeuvre="speed",
+    *(
+        Quantity(
+            name,
+            "",
+            unit,
+            of,
+            needs=("velocity", *needs),
+            why=f"it {motion} slowly",
+            manoeuvre=BLIPS if motion == "climbs" else "speed",
+        )
+        for name, unit, of, needs, motion in (
+            ("drag, lateral", "1/s", _drag("drag"), (), "flies"),
+            ("drag, vertical", "1/s", _drag("climb"), (), "climbs"),
+            ("lift of lateral speed", "1/m", _plain("lift"), (), "flies"),
+            ("pitch moment of forward speed", "m/s", _length("flap_x"), ROTORS, "flies"),
+            ("roll moment of lateral speed", "m/s", _length("flap_y"), ROTORS, "flies"),
+        )
     ),
 )
 

@@ -73,12 +73,12 @@ def _blocks(log: FlightLog, axis: int) -> list[_Block]:
     step, rows = log.step, max(int(BLOCK / log.step), 10)
     whole = np.isfinite(commanded[:, axis]) & np.isfinite(log.w[:, axis])
     whole[1:] &= np.abs(np.diff(log.t) - step) < 0.5 * step
-    found = []
-    for start in range(0, len(log) - rows + 1, rows):
-        part = slice(start, start + rows)
-        if whole[part].all():
-            found.append(_Block(commanded[part, axis], log.w[part, axis], step))
-    return found
+    parts = (slice(start, start + rows) for start in range(0, len(log) - rows + 1, rows))
+    return [
+        _Block(commanded[part, axis], log.w[part, axis], step)
+        for part in parts
+        if whole[part].all()
+    ]
 
 
 def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:

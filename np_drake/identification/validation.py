@@ -135,13 +135,9 @@ def vehicle_values(
     imu = np.array(c.imu_position or [0.0, 0.0, 0.0]) / arm
     up = max(vehicle.rotor_time_constant, 1e-6)
     down = c.rotor_time_constant_down or up
-    spin = (
-        frame.unit
-        if drive == "rotor_speed"
-        else float(np.sqrt(weight / vehicle.thrust_coefficient))
-    )
-    zero = dict.fromkeys(fixed, 0.0)
-    return zero | {
+    hover = float(np.sqrt(weight / vehicle.thrust_coefficient))
+    spin = frame.unit if drive == "rotor_speed" else hover
+    return dict.fromkeys(fixed, 0.0) | {
         "scale": scale,
         "charge": 1.0,
         **dict(zip(("gain_roll", "gain_pitch", "gain_yaw"), gains.tolist(), strict=True)),
@@ -183,9 +179,7 @@ def held_out(
     identified = found.estimate.layout.values(found.estimate.z)
     mass = basis.mass_of(identified)
     J = mass * basis.frame.arm**2 * inertia(identified)
-    of_file = vehicle_values(
-        found.prior, basis.frame, basis.drive, mass, dict.fromkeys(identified, 0.0)
-    )
+    of_file = vehicle_values(found.prior, basis.frame, basis.drive, mass, identified)
     rows = {"vehicle file": of_file, "identified": identified}
     untold = basis.drive == "collective"
     out = []
@@ -220,8 +214,6 @@ def adapted(
     flight, frame = signals(log, found.prior.unmixer, found.basis.drive), found.basis.frame
     begin = first + min(ADAPTED / (log.t[-1] - log.t[0]), LARGEST_SHARE * (last - first))
     early = FlightModel(flight.part(first, begin), frame)
-    own = {}
-    for name, v in rows.items():
-        layout = Layout((), found.estimate.layout.own, 1, v)
-        own[name] = layout.values(estimate([early], layout).z, 0)
+    layouts = {n: Layout((), found.estimate.layout.own, 1, v) for n, v in rows.items()}
+    own = {n: layout.values(estimate([early], layout).z, 0) for n, layout in layouts.items()}
     return FlightModel(flight.part(begin, last), frame), own

@@ -20,12 +20,11 @@ from np_drake.diagnosis.fitting import (
     greatest_height,
     half_width,
     impossible,
-    interval,
     scaled_jacobian,
 )
 from np_drake.diagnosis.forward_model import Term, pendulum_error, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.options import SPREAD, SURE, Options, Size, unhealthy
+from np_drake.diagnosis.options import SPREAD, SURE, Options, Size
 from np_drake.diagnosis.regressors import DRAG, Model, RegressionProblem
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate, Finding
@@ -39,6 +38,7 @@ from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rotor_layout import RotorName
 
 LAST = 1.0  # of a flight, in which an onset is none [s]; own choice
+ODDS = 0.0124  # share of healthy vehicles beyond whose size a size is a cause [1]; own choice
 MOST_ALTERNATIVES = 2  # effects named as indistinguishable from a cause
 
 
@@ -161,6 +161,7 @@ def decide(
         found = judge(ranking, margins, held, i, same=others, support=support, gusts=gusts)
         vehicle = problem.flights[0].vehicle
         parameters = estimates(fit, i, vehicle, options)
+        rotor = rotors[round(effect.values["rotor"]) - 1] if "rotor" in effect.values else None
         if found.probability >= options.thresholds.cause_probability:
             there = {e.name: held.terms.get(e.name, fit.everything)[i] for e in every}
             onset = {flight: now.begins(flight) for flight, now in there.items()}
@@ -174,28 +175,23 @@ def decide(
                     found.size.gap,
                     effect,
                     changed=has_changed(ranking, i),
-                    rotor=_rotor_of(effect, rotors),
+                    rotor=rotor,
                     loads=load_estimates(fit, i, vehicle, options),
                     changes={flight: now.changes.get(flight, ()) for flight, now in there.items()},
                 )
             )
         else:
-            minor.append(_finding(effect, parameters, found, rotors))
+            minor.append(_finding(effect, parameters, found, rotor))
     return without_missing_drag(causes, minor)
-
-
-def _rotor_of(effect: Effect, rotors: Sequence[RotorName]) -> RotorName | None:
-    """Return what the rotor of an effect is called; None where it has none."""
-    return rotors[round(effect.values["rotor"]) - 1] if "rotor" in effect.values else None
 
 
 def _finding(
     effect: Effect,
     parameters: Mapping[str, Estimate],
     found: Judgement,
-    rotors: Sequence[RotorName],
+    rotor: RotorName | None = None,
 ) -> Finding:
-    """Return what is said of an effect that is no cause."""
+    """Return what is said of an effect that is no cause; rotor: what its rotor is called."""
     units = {
         n: "share" if effect.shares and e.unit == "1" else e.unit for n, e in parameters.items()
     }
@@ -205,7 +201,7 @@ def _finding(
     figures = {"force": size.force, "torque": size.torque, "probability": found.probability}
     if found.is_open:
         figures["timing"] = found.timing
-    if rotor := _rotor_of(effect, rotors):
+    if rotor:
         values = values.replace(f"rotor {rotor.number}", str(rotor))
     text = f"{values}: {found.reason} ({shares})"
     return Finding(effect.identifier, text, size.gap, figures)
@@ -247,8 +243,7 @@ def estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> dict[str,
     """
     effect, out = fit.terms[i].effect, {}
     for p in effect.parameters:
-        value, (lower, upper) = float(getattr(effect, p.name)), interval(fit, i, p.name)
-        half = 0.5 * (upper - lower)
+        value, half = float(getattr(effect, p.name)), half_width(fit, i, p.name)
         if isinstance(effect, SuspendedPayload):
             value, half = _of_pendulum(fit, i, p.name, half, effect, vehicle, options)
         out[p.name] = Estimate(value, p.unit, (value - half, value + half))
@@ -279,8 +274,7 @@ def _of_pendulum(
 
     half: half the interval of the fit.
     """
-    low, high = interval(fit, i, "damping")
-    unsure = 0.5 * (high - low) / SURE if options.tolerance.unmeasured else None
+    unsure = half_width(fit, i, "damping") / SURE if options.tolerance.unmeasured else None
     factor, error = pendulum_error(name, payload, vehicle, options.priors, unsure)
     return factor * getattr(payload, name), factor * float(np.hypot(half, SURE * error))
 
@@ -491,7 +485,7 @@ class SizePosterior:
             return np.ones(len(self.draws), bool)
         usual, deviation = np.array([spread[self._free[k].name] for k in own]).T
         away = (self.draws[:, own] - usual) / deviation
-        return np.linalg.norm(away, axis=1) > unhealthy(len(own))
+        return np.linalg.norm(away, axis=1) > scipy.stats.chi.isf(ODDS, len(own))
 
     def blows(self, options: Options) -> np.ndarray:
         """Return which draws (n,) are more than still air, where the term is a wind.
@@ -504,9 +498,11 @@ class SizePosterior:
             return np.ones(len(self.draws), bool)
         tolerance, least = options.tolerance, options.materiality
         # Of the attitude against the rotors' axes, all together [rad].
-        lean = (tolerance.attitude, tolerance.mounting)
-        if tolerance.unmeasured:
-            lean = (SPREAD.tilt, SPREAD.mounting)
+        lean = (
+            (SPREAD.tilt, SPREAD.mounting)
+            if tolerance.unmeasured
+            else (tolerance.attitude, tolerance.mounting)
+        )
         error = least.sensor * float(np.hypot(*lean)) * self._flights[0].weight
         forces = []  # in W while it acts
         for e in self._flights:

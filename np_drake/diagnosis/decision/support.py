@@ -149,14 +149,14 @@ class Support:
         """Whether the held-out flights are predicted better with the term, by as much as would
         contradict it.
         """
-        return bool(self.held_out.size and self.held_out.sum() > LEAST + _error(self.held_out))
+        return bool(self.held_out.sum() > LEAST + _error(self.held_out))
 
     @property
     def contradicted(self) -> bool:
         """Whether the held-out flights are predicted worse with the term, by `LEAST` and a standard
         error.
         """
-        return bool(self.held_out.size and self.held_out.sum() < -LEAST - _error(self.held_out))
+        return bool(self.held_out.sum() < -LEAST - _error(self.held_out))
 
 
 def _error(gains: np.ndarray) -> float:
@@ -195,11 +195,12 @@ def support_of(ranking: Ranking, held: HeldOut) -> list[Support]:
         flights, of held-out.
         """
         known = [blocks[e.name].of_others() for e in flights]
-        turns, others = 0.0, []
-        for i, e in enumerate(flights):
-            turns += float(blocks[e.name].scores(known[:i]).sum())
-            if not e.earlier:
-                others.append(blocks[e.name].scores([*known[:i], *known[i + 1 :]]))
+        turns = sum(float(blocks[e.name].scores(known[:i]).sum()) for i, e in enumerate(flights))
+        others = [
+            blocks[e.name].scores([*known[:i], *known[i + 1 :]])
+            for i, e in enumerate(flights)
+            if not e.earlier
+        ]
         judged = [np.zeros(0), *(blocks[e.name].scores(known) for e in held.flights)]
         return turns, np.concatenate(others), np.concatenate(judged)
 

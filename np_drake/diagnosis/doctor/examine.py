@@ -179,10 +179,8 @@ def _fitted(
     blocks = [c.columns for c in nuisance] + [t.columns for t in traces]
     total = reduce(add, (e.gram(noise, [b[e.name] for b in blocks]) for e in flights))
     mean, covariance = total.posterior(np.arange(len(total.Xy)))
-    residual = []
-    for e in flights:
-        columns = np.concatenate([b[e.name] for b in blocks], axis=-1)
-        residual.append(e.bridged(e.y - columns @ mean))
+    every = (np.concatenate([b[e.name] for b in blocks], axis=-1) for e in flights)
+    residual = [e.bridged(e.y - X @ mean) for e, X in zip(flights, every, strict=True)]
     at, drag = sum(c.size for c in nuisance), None
     for trace in traces:
         if trace.identifier == DRAG:

@@ -108,9 +108,9 @@ def rotor_figure(vehicle: Vehicle, rotors: Sequence[RotorName], marked: Collecti
     for rotor, centre, turn in zip(rotors, p, vehicle.rotor_directions, strict=True):
         stands_out = rotor.number in marked
         ax.plot(*np.transpose([[0.0, 0.0], centre]), color="0.6", linewidth=3.0, zorder=1)
-        shape = Circle(centre, radius, facecolor="white", linewidth=2.0, zorder=2)
-        shape.set(**(MARKED if stands_out else {"edgecolor": "0.4"}))
-        ax.add_patch(shape)
+        # Not by colour alone.
+        edge = {"hatch": "///", "edgecolor": BEFORE} if stands_out else {"edgecolor": "0.4"}
+        ax.add_patch(Circle(centre, radius, facecolor="white", linewidth=2.0, zorder=2, **edge))
         start, end = (centre + 0.72 * radius * np.array([side, 0.35]) for side in (-turn, turn))
         bent = {**ARROW, "connectionstyle": f"arc3,rad={-0.5 * turn}"}
         ax.annotate("", end, start, arrowprops=bent, zorder=3)
@@ -125,7 +125,6 @@ def rotor_figure(vehicle: Vehicle, rotors: Sequence[RotorName], marked: Collecti
 
 
 ARROW = {"arrowstyle": "-|>", "color": "0.25", "shrinkA": 0.0, "shrinkB": 0.0}
-MARKED = {"hatch": "///", "edgecolor": BEFORE}  # not by colour alone
 PLAIN_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 PAGE, DATA = "report.html", "diagnosis.json"

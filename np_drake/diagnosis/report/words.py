@@ -84,7 +84,7 @@ def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[st
         unit: of the parameter, as `unit_of` gives it.
     """
     lower, upper = parameter.ci95
-    half = 0.5 * (upper - lower)
+    half = parameter.half
     if half == 0 and parameter.unit in ("", "1") and parameter.value == round(parameter.value):
         return str(round(parameter.value)), NOTHING  # a choice, such as the number of a rotor
     if not (math.isfinite(half) and half > 0):
@@ -102,18 +102,11 @@ def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[st
     return with_unit(value, shown), f"{low} to {high}"
 
 
-def rotor_text(cause: Cause) -> str:
-    """Return what the rotor of a cause is called; empty where it has none."""
-    if cause.rotor is not None or "rotor" not in cause.parameters:
-        return str(cause.rotor or "")
-    return f"rotor {cause.parameters['rotor'].value:g}"
-
-
 def phrase(cause: Cause) -> str:
     """Return a cause with its size in few words, as in 'a 4.8 g payload on 0.52 m'."""
     name, parameters = name_of(cause.identifier), cause.parameters
     values = {n: estimate(p, unit_of(cause, p), brief=True)[0] for n, p in parameters.items()}
-    values |= {"rotor": rotor_text(cause)} if "rotor" in values else {}
+    values |= {"rotor": str(cause.rotor)} if cause.rotor else {}
     (unit, *others) = {p.unit for p in parameters.values()} or {""}
     own = effect_of(cause.identifier).phrase
     if own and {field for _, field, _, _ in string.Formatter().parse(own) if field} <= set(values):
@@ -147,13 +140,12 @@ def begins(cause: Cause, longest: int = 36) -> list[str]:
     """Return by flight when a cause begins and a payload's mass changes, where it does."""
     found = []
     for flight, time in cause.onset.items():
-        name, later = plain_name(flight, longest), _changes(cause, flight)
-        if later:
-            first = measure(cause.parameters["mass"].value, "kg", 3)
-            later = [first if time is None else f"{first} at {time:.1f}{NBSP}s", *later]
-            found.append(f"{name}: {', '.join(later)}")
-        elif time is not None:
-            found.append(onset(time, name))
+        when = "" if time is None else f"{time:.1f}{NBSP}s" if math.isfinite(time) else "not at all"
+        if later := _changes(cause, flight):
+            mass = measure(cause.parameters["mass"].value, "kg", 3)
+            when = ", ".join([mass + f" at {when}" * bool(when), *later])
+        if when:
+            found.append(f"{plain_name(flight, longest)}: {when}")
     return found
 
 
@@ -164,7 +156,7 @@ def changed(cause: Cause) -> str:
     if cause.effect is None or len(free) != 1 or not free[0].departure:
         return phrase(cause)
     p, one = free[0], cause.parameters[free[0].name]
-    unit, text = departure(p, one.value - p.neutral, rotor_text(cause), shares=effect.shares)
+    unit, text = departure(p, one.value - p.neutral, cause.rotor, shares=effect.shares)
     factor, shown = departure_unit(unit)
     low, high = (measure(factor * (end - p.neutral), shown) for end in one.ci95)
     return f"{text} ({low} to {high})"
@@ -184,15 +176,6 @@ def described(finding: Finding) -> str:
     elif figures.get("torque"):
         more.append(f"{measure(figures['torque'], 'N·m')} RMS")
     return ", ".join([text, *more])
-
-
-def onset(time: float, flight: str) -> str:
-    """Return when an effect begins in a flight, at `time` [s]; infinite: absent.
-
-    Args:
-        time: [s].
-    """
-    return f"{flight}: {time:.1f}{NBSP}s" if math.isfinite(time) else f"{flight}: not at all"
 
 
 def plain_name(name: str, longest: int = 36) -> str:
@@ -275,29 +258,30 @@ def headline(diagnosis: Diagnosis) -> str:
     left, sizes = reduction.left, sizes_left(reduction.left)
     unknown = UNKNOWN in diagnosis.verdict
     causes = named_causes(diagnosis)
+    first = causes[:MOST_NAMED]
+    more = [f"{len(causes) - len(first)} more"] * (len(causes) > len(first))
     if diagnosis.before:
         since = f"since the flight{'s' * (len(diagnosis.before) > 1)} before"
         left_over = f"; {percent(left.share)} of the gap on {judges} remains unexplained" * unknown
         if not causes:
             would = f"{seen(diagnosis)} would"
             return f"Nothing changed {since} that these flights would show: {would}{left_over}"
-        named = [changed(c) + _or_else(c) for c in causes[:MOST_NAMED]]
-        named += [f"{len(causes) - len(named)} more"] * (len(causes) > len(named))
+        named = [*(changed(c) + _or_else(c) for c in first), *more]
         # What the balance of rotors alone tells explains nothing of the gap.
         acts = reduction.material and any(np.isfinite(c.held_out_gain) for c in causes)
-        explained = f"; {_explained(diagnosis, causes)}" * acts
+        explained = f"; {_explained(diagnosis, causes, ['this'])}" * acts
         return f"Changed {since}: {listed(named)}{explained}{left_over}"
     if not reduction.material:
         return f"There is no material gap on {judges}"
     if causes:
-        text = capital(_explained(diagnosis, causes))
+        text = capital(_explained(diagnosis, causes, [*map(phrase, first), *more]))
         told = f"probability that it is material {probability(left.probability)}"
         rest = f"; {percent(left.share)} remains unexplained: {sizes} ({told})"
         return text + rest * unknown
     if unknown:
         sure = probability(diagnosis.unknown_probability)
         return f"No effect explains what is left on {judges} ({sure}): {sizes}"
-    calibrated = "with calibration, " if diagnosis.calibration else ""
+    calibrated = "with calibration, " * bool(diagnosis.calibration)
     return f"Nothing material is missing: {calibrated}the remainder on {judges} is {sizes}"
 
 
@@ -307,15 +291,11 @@ def _or_else(cause: Cause) -> str:
     return f" or {listed(others, 'or')}, which these flights do not tell apart" if others else ""
 
 
-def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
-    """Return the causes as subject, what flights contradict, the share of the gap, and whether the
-    replay improves.
+def _explained(diagnosis: Diagnosis, causes: Sequence[Cause], names: Sequence[str]) -> str:
+    """Return the names of causes as subject, what flights contradict, the share of the gap, and
+    whether the replay improves.
     """
-    names = [phrase(cause) for cause in causes[:MOST_NAMED]]
-    rest = len(causes) - len(names)
-    if diagnosis.before:
-        names, rest = ["this"], 0
-    names += [f"{rest} more"] * (rest > 0) + ["calibration"] * bool(diagnosis.calibration)
+    names = [*names, *["calibration"] * bool(diagnosis.calibration)]
     one, share, judges = len(names) == 1, diagnosis.gap_reduction.fraction, _judges(diagnosis)
     if share < 0:
         return f"{listed(names)} {'does' if one else 'do'} not help: the gap on {judges} grows"

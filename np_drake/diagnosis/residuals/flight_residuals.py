@@ -19,6 +19,7 @@ from np_drake.diagnosis.residuals.smoothing import (
 )
 from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
+from np_drake.logs.importing.signals import Signal
 from np_drake.rigid_body import Q, V, W
 from np_drake.vehicle import Vehicle
 
@@ -173,7 +174,7 @@ class FlightResiduals:
     def q(self) -> np.ndarray:
         """(m, 4) attitude on the grid."""
         near = attitude.one_hemisphere(self.rows.q, self.rows.q[0])
-        q = np.stack([np.interp(self.t, self.rows.t, component) for component in near.T], axis=1)
+        q = Signal(self.rows.t, near).linear(self.t)
         return q / np.linalg.norm(q, axis=1, keepdims=True)
 
     @cached_property
@@ -229,8 +230,7 @@ class FlightResiduals:
         """
         values = np.concatenate([vector[..., None], matrix], axis=-1)
         middle = 0.5 * (self.t[1:] + self.t[:-1])
-        columns = [np.interp(middle, self.rows.t, column) for column in values.reshape(-1, 12).T]
-        return np.stack(columns, axis=1).reshape(-1, 3, 4)
+        return Signal(self.rows.t, values.reshape(-1, 12)).linear(middle).reshape(-1, 3, 4)
 
     def head(self, rows: int) -> "FlightResiduals":
         """Return the flight truncated after at least `rows` rows of the grid, which do not change

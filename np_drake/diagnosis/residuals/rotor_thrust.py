@@ -13,7 +13,7 @@ from np_drake.effects.base import ActuatorEffect
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.signals import REPEATED
+from np_drake.logs.importing.signals import REPEATED, Signal
 from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
@@ -95,9 +95,7 @@ class Rotors:
         if self._steps or not self._measured:
             asked = self._held(0.0)
         else:
-            asked = np.stack(
-                [np.interp(self._t, self._row_t, rotor) for rotor in self._read[0].T], axis=1
-            )
+            asked = Signal(self._row_t, self._read[0]).linear(self._t)
         return self._respond(asked, self._own([]))
 
     def _mean(self, thrust: np.ndarray) -> np.ndarray:
@@ -160,8 +158,7 @@ class Rotors:
         knots = np.concatenate([[t[0] - 1e3], t, [t[-1] + 1e3]])
         total = np.concatenate([command[:1] * -1e3, total, total[-1:] + command[-1:] * 1e3])
         edges = np.append(self._t, self._t[-1] + self._step) - shift
-        at = np.stack([np.interp(edges, knots, rotor) for rotor in total.T], axis=1)
-        return np.diff(at, axis=0) / self._step
+        return np.diff(Signal(knots, total).linear(edges), axis=0) / self._step
 
 
 def _measured_pieces(log: FlightLog) -> list[np.ndarray]:

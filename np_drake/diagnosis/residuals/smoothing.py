@@ -11,6 +11,7 @@ import scipy
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
+from np_drake.logs.importing.signals import Signal
 from np_drake.rigid_body import P, Q, W
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
@@ -71,7 +72,7 @@ def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instant
     dt, step = np.diff(log.t)[:, None], log.step
     t_mid = 0.5 * (log.t[1:] + log.t[:-1])
     al = low_pass(np.diff(log.w, axis=0) / dt, step, REGRESSOR_BAND)
-    al_rows = np.stack([np.interp(log.t, t_mid, al[:, i]) for i in range(3)], axis=1)
+    al_rows = Signal(t_mid, al).linear(log.t)
     x = np.concatenate([log.p, smooth, log.v, log.w], axis=1)
     x_mid = 0.5 * (x[1:] + x[:-1])
     x_mid[:, Q] /= np.linalg.norm(x_mid[:, Q], axis=1, keepdims=True)
@@ -183,12 +184,8 @@ def velocity_before(
     lifted = attitude.body_z(q) * (thrust / vehicle.mass)[:, None]
     gained = (lifted - [0.0, 0.0, vehicle.gravity]) * dt[:, None]
     nominal = np.cumsum(gained, axis=0) - 0.5 * gained
-    left = v - nominal
-
-    def at(instants: np.ndarray) -> np.ndarray:
-        return np.stack([np.interp(instants, t, component) for component in left.T], axis=1)
-
-    return nominal + 2 * at(t - lead) - at(t - 2 * lead)
+    left = Signal(t, v - nominal)
+    return nominal + 2 * left.linear(t - lead) - left.linear(t - 2 * lead)
 
 
 CROSSOVER = 1.0  # [Hz]; own choice: above it the gyro is better than a reading of 1 mrad or worse

@@ -21,15 +21,6 @@ GUESS = ["--vehicle", NAME]
 EACH = ("thrust", "tx", "ty", "tz", *(f"rotor{i}" for i in range(1, 5)))
 
 
-def with_throttle(log) -> dict[str, np.ndarray]:
-    """Return the columns of a log with a throttle for each rotor, which is its speed over 3000
-    rad/s.
-    """
-    return log.columns() | {
-        f"throttle{i + 1}": column / 3000 for i, column in enumerate(log.rotor.T)
-    }
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, excited_flight):
     """Logs of one vehicle: two ordinary flights, one that hovers, a short one, a desk."""
@@ -41,11 +32,9 @@ def folder(tmp_path_factory, excited_flight):
     logs["short"] = excited_flight(TRUE, 3, seconds=2.0)
     for name, log in logs.items():
         write_log(log, here / f"{name}.csv")
-    columns = with_throttle(other)
-    write_csv(
-        here / "throttle.csv",
-        {name: c for name, c in columns.items() if not name.startswith("rotor")},
-    )
+    columns = {name: c for name, c in other.columns().items() if not name.startswith("rotor")}
+    throttle = {f"throttle{i}": c / 3000 for i, c in enumerate(other.rotor.T, start=1)}  # [rad/s]
+    write_csv(here / "throttle.csv", columns | throttle)
     return here
 
 
@@ -53,10 +42,8 @@ def folder(tmp_path_factory, excited_flight):
 def result(folder):
     """Return the folder of `--out` of two flights."""
     out = folder / "out"
-    assert (
-        run(["identify", str(folder / "a.csv"), str(folder / "b.csv"), *GUESS, "--out", str(out)])
-        == 0
-    )
+    logs = [str(folder / f"{name}.csv") for name in "ab"]
+    assert run(["identify", *logs, *GUESS, "--out", str(out)]) == 0
     return out
 
 

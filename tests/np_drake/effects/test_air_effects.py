@@ -129,12 +129,8 @@ GAIN = 0.6 * AIR_DENSITY * np.pi * VEHICLE.rotor_radius**3 / 4  # [N·s²/(m·ra
 SPEED = np.sqrt(F / VEHICLE.thrust_coefficient)
 
 
-def flying(v=(0.0, 0.0, 0.0)):
-    return Motion(0.0, np.array([0, 0, 1.0, 1.0, 0, 0, 0, *v, 0, 0, 0]), np.full(4, F))
-
-
 def test_nothing_changes_in_hover():
-    np.testing.assert_allclose(RotorInflow().wrench(VEHICLE, flying()), np.zeros(6), atol=1e-12)
+    np.testing.assert_allclose(RotorInflow().wrench(VEHICLE, level()), np.zeros(6), atol=1e-12)
 
 
 @given(st.floats(-0.9, 3.0))
@@ -154,5 +150,5 @@ def test_the_induced_velocity_solves_glauerts_equation(lateral, axial, at_rest):
 
 def test_a_slow_climb_loses_half_of_what_a_fixed_inflow_would():
     climb = 1e-4
-    force = RotorInflow().wrench(VEHICLE, flying((0, 0, climb)))[2]
+    force = RotorInflow().wrench(VEHICLE, level((0, 0, climb)))[2]
     assert force == pytest.approx(-4 * GAIN * SPEED * climb / 2, rel=1e-3)

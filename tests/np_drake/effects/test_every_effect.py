@@ -7,7 +7,7 @@ import pytest
 
 from np_drake.effects.base import ActuatorEffect, Measurement, Motion, SensorEffect, WrenchEffect
 from np_drake.effects.clock_offset import ClockOffset
-from np_drake.effects.library import LIBRARY, effects_for
+from np_drake.effects.library import LIBRARY, NUISANCES, effects_for
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.logs.columns import COLUMNS
 from np_drake.vehicle import Vehicle
@@ -17,7 +17,8 @@ NOTHING = np.zeros(0)
 
 
 def every(base, *, but=(), linear=False):
-    found = [e for e in LIBRARY.values() if issubclass(e, base) and e not in but]
+    known = (LIBRARY | NUISANCES).values()
+    found = [e for e in known if issubclass(e, base) and e not in but]
     found = [e for e in found if e.linear or not linear]
     return pytest.mark.parametrize("effect", found, ids=[e.identifier for e in found])
 

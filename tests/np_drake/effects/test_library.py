@@ -70,6 +70,11 @@ def test_an_own_effect_can_be_registered_twice_but_not_under_a_taken_name():
         ({"parameters": Push.parameters}, False, "must be a frozen dataclass"),
         ({"identifier": "lacks"}, True, "must have the attribute parameters"),
         ({"identifier": "l", "parameters": Push.parameters}, True, "must have a field 'force'"),
+        (
+            {"identifier": "draught", "parameters": (), "air_velocity": lambda self, t: t},
+            True,
+            r"must act by itself; .* never tried",
+        ),
     ],
 )
 def test_an_own_effect_that_lacks_a_part_is_refused_by_its_name(attributes, frozen, says):
@@ -77,28 +82,12 @@ def test_an_own_effect_that_lacks_a_part_is_refused_by_its_name(attributes, froz
     own = own if frozen else type("Own", (WrenchEffect,), attributes)
     with pytest.raises(ValueError, match=f"register: Own {says}"):
         register(own)
-
-
-@dc.dataclass(frozen=True)
-class Draught(WrenchEffect):
-    speed: float = 1.0
-    identifier: ClassVar[str] = "draught"
-    parameters: ClassVar = (Parameter("speed", "m/s", 0.0, -5.0, 5.0, 1.0),)
-
-    def air_velocity(self, t):
-        return np.broadcast_to([self.speed, 0.0, 0.0], (*np.shape(t), 3))
-
-
-def test_what_is_felt_through_another_effect_alone_is_refused():
-    with pytest.raises(ValueError, match=r"register: Draught must act by itself; .* never tried"):
-        register(Draught)
-    assert "draught" not in LIBRARY
+    assert own.identifier not in LIBRARY
 
 
 PAPER = Vehicle()
 HEAVY = dc.replace(PAPER, mass=3 * PAPER.mass)
 WIDE = dc.replace(PAPER, rotor_positions=(2 * np.array(PAPER.rotor_positions)).tolist())
-EVERY = pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys())
 
 
 @pytest.mark.parametrize(
@@ -123,7 +112,7 @@ def test_a_tether_is_as_long_whatever_the_vehicle():
     assert usual_size(length, WIDE) == length.typical
 
 
-@EVERY
+@EFFECTS
 def test_the_prior_has_the_usual_sizes_as_deviations(effect):
     root = prior_root(effect, HEAVY)
     sizes = [usual_size(p, HEAVY) for p in effect.parameters if not p.choices]

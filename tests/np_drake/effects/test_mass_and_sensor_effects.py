@@ -175,11 +175,6 @@ T = 0.01 * np.arange(200)
 TRUTH = spinning(np.array([0.5, -0.8, 0.3]), T)
 
 
-@pytest.mark.parametrize("effect", [ImuMounting, AttitudeLatency])
-def test_a_neutral_one_reads_the_truth(effect):
-    np.testing.assert_allclose(measured(effect.neutral(), TRUTH).x, TRUTH.x, atol=1e-15)
-
-
 def test_turned_axes_read_a_vector_of_the_world_turned_by_the_mounting():
     x = measured(MOUNTED, TRUTH).x
     down = np.tile([0.0, 0.0, -9.81], (len(T), 1))

@@ -6,6 +6,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
+from np_drake.identification.signals import interpolated
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import Calibration, ThrottleMap
 
@@ -125,7 +126,7 @@ def flight(
         name=f"flight{seed}",
     )
     if drive in ("rotor_speed", "both"):
-        at = np.stack([np.interp(t[own] + clock, t, column) for column in speed.T], axis=1) * hover
+        at = interpolated(t[own] + clock, t, speed) * hover
         at = at + noise["rotor"] * rng.normal(size=at.shape)
         log = dc.replace(log, rotor=at, u=k * at**2 @ vehicle.mixer.T, input="rotor_speed")
     if drive == "rotor_speed":
@@ -202,13 +203,7 @@ def _commands(
     """
     up, down = vehicle.rotor_time_constant, vehicle.calibration.rotor_time_constant_down
     here, after = (
-        np.stack(
-            [
-                np.interp(rows + late + vehicle.calibration.command_delay, t, column)
-                for column in speed.T
-            ],
-            axis=1,
-        )
+        interpolated(rows + late + vehicle.calibration.command_delay, t, speed)
         for late in (0.0, step)
     )
     share = np.where(after > here, np.exp(-step / up), np.exp(-step / down))

@@ -17,10 +17,8 @@ def log(name: str, **more) -> FlightLog:
     )
 
 
-ROTORS, THROTTLES = (
-    {"rotor": np.ones((20, 4)), "input": "rotor_speed"},
-    {"throttle": np.full((20, 4), 0.5)},
-)
+ROTORS = {"rotor": np.ones((20, 4)), "input": "rotor_speed"}
+THROTTLES = {"throttle": np.full((20, 4), 0.5)}
 
 
 def test_flights_are_read_by_what_all_of_them_hold():

@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.identification.signals import DRIVES, drives_of, signals
+from np_drake.identification.signals import signals
 from tests.np_drake.identification import analytic
 
 
@@ -49,15 +49,6 @@ def test_a_part_counts_only_the_bins_within_it(dut):
     assert not (first.good & last.good).any()
     np.testing.assert_array_equal(first.good | last.good, dut.good)
     assert first.good.sum() == pytest.approx(0.6 * dut.good.sum(), abs=2)
-
-
-def test_rotor_speed_goes_before_throttle_and_throttle_before_thrust():
-    both = analytic.flight(seconds=4.0, drive="both")
-    assert drives_of(both)[0] == "rotor_speed"
-    assert drives_of(dc.replace(both, rotor=None))[0] == "throttle"
-    assert drives_of(analytic.flight(seconds=4.0, drive="command"))[0] == "command"
-    assert drives_of(analytic.collective_flight(seconds=4.0))[0] == "collective"
-    assert {"rotor_speed", "throttle", "command", "collective"} == set(DRIVES)
 
 
 @pytest.mark.parametrize("field", ["t", "q", "v", "w", "a"])

@@ -1,7 +1,5 @@
 """Laws of the linear model about the best fit, with generic structure beside it."""
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ from np_drake.diagnosis.calibration import flight_errors
 from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.fitting import prior_whitening, refine, scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER, Term, predicted_residual
-from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.regressors import RegressionProblem
 from np_drake.diagnosis.selection import Ranking
@@ -29,32 +26,17 @@ def model(seen, noise):
     `acting`.
     """
 
-    def made(
-        acting: tuple[Effect, ...],
-        terms: list[Term],
-        *,
-        drifts: bool = False,
-        onset_prior: float = 0.0,
-    ):
+    def made(acting: tuple[Effect, ...], terms: list[Term], *, drifts: bool = False):
         how = {"noise": 1.0, "seconds": 6.0}
         flights = [seen(*acting, name=n, seed=i, **how) for i, n in enumerate("ab", start=1)]
-        return linear_model(flights, noise, terms, drifts=drifts, onset_prior=onset_prior)
+        nuisance = flight_errors(flights, Tolerance()) if drifts else []
+        warm = {"temperature": REAL.priors.temperature}
+        problem = RegressionProblem(flights, noise, nuisance, [], options=REAL, **warm)
+        fit = refine(terms, [], flights, noise, linear=nuisance, priors=REAL.priors, **warm)
+        ranking = Ranking((fit,), noise, problem, (), REAL)
+        return LinearModel(ranking), ranking
 
     return made
-
-
-def linear_model(
-    flights, noise: NoiseModel, terms: list[Term], *, drifts: bool = False, onset_prior: float = 0.0
-) -> tuple[LinearModel, Ranking]:
-    nuisance = flight_errors(flights, Tolerance()) if drifts else []
-    temperature = REAL.priors.temperature
-    problem = RegressionProblem(flights, noise, nuisance, [], temperature=temperature, options=REAL)
-    fit = refine(
-        terms, [], flights, noise, temperature=temperature, linear=nuisance, priors=REAL.priors
-    )
-    fit = dc.replace(fit, onset_prior=onset_prior)
-    ranking = Ranking((fit,), noise, problem, (), REAL)
-    return LinearModel(ranking), ranking
 
 
 @pytest.fixture(scope="module")

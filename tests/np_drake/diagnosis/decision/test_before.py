@@ -29,14 +29,16 @@ def since(fly):
     """Return a function that gives what changed by some effects since two flights; cached."""
 
     @cache
-    def answer(*changes):
-        def flown(*effects, name, seed):
+    def answer(*changes, cells=None):
+        def flown(*effects, name, seed, cells):
             own = {"noise": 1.0, "seconds": 10.0, "vehicle": UNMEASURED}
-            return fly(*OWN, *effects, name=name, seed=seed, **own)
+            log = fly(*OWN, *effects, name=name, seed=seed, **own)
+            return by_throttle(log, cells) if cells else log
 
         how = {"tolerance": Tolerance(), "adaptive_split": False}
-        how["before"] = [flown(name=f"before {i}", seed=i) for i in (1, 2)]
-        after = [flown(*changes, name=f"after {i}", seed=i) for i in (3, 4, 5)]
+        usual = cells and 1.0
+        how["before"] = [flown(name=f"before {i}", seed=i, cells=usual) for i in (1, 2)]
+        after = [flown(*changes, name=f"after {i}", seed=i, cells=cells) for i in (3, 4, 5)]
         return diagnose(UNMEASURED, after[:2], after[2:], **how)
 
     return answer
@@ -87,15 +89,9 @@ def by_throttle(log, cells):
     "change, cells, verdict", [((ThrustScale(1.25),), 1.0, ("thrust_scale",)), ((), 4 / 3, ())]
 )
 def test_stronger_rotors_are_named_by_throttle_and_another_battery_is_not(
-    fly, change, cells, verdict
+    since, change, cells, verdict
 ):
-    def flown(*effects, name, seed, cells):
-        own = {"noise": 1.0, "seconds": 10.0, "vehicle": UNMEASURED}
-        return by_throttle(fly(*OWN, *effects, name=name, seed=seed, **own), cells)
-
-    before = [flown(name=f"before {i}", seed=i, cells=1.0) for i in (1, 2)]
-    after = [flown(*change, name=f"after {i}", seed=i, cells=cells) for i in (3, 4, 5)]
-    found = diagnose(UNMEASURED, after[:2], after[2:], before=before, adaptive_split=False)
+    found = since(*change, cells=cells)
     assert found.verdict == verdict
     assert any(w.startswith("battery: 3.8") for w in found.warnings) == (cells != 1.0)
     if change:

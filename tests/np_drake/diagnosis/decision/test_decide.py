@@ -163,8 +163,7 @@ class Problem:
         return tuple(sorted(members)) not in self._apart
 
 
-NAMES = ["drag", "a", "b", "c", "d", "e"]
-EVERY = [Candidate((name,)) for name in NAMES]
+EVERY = [Candidate((name,)) for name in ("drag", "a", "b", "c", "d", "e")]
 
 
 def test_alternatives_stand_best_first_within_the_threshold():
@@ -175,12 +174,8 @@ def test_alternatives_stand_best_first_within_the_threshold():
 
 
 def test_structure_the_effect_itself_and_what_does_not_fit_are_none():
-    candidates = [
-        Candidate(("drag",)),
-        Candidate(("a",), generic=True),
-        Candidate(("drag",)),
-        Candidate(("b",)),
-    ]
+    drag, other = Candidate(("drag",)), Candidate(("b",))
+    candidates = [drag, Candidate(("a",), generic=True), drag, other]
     scores = {(0,): 0.0, (1,): 0.0, (2,): 0.0, (3,): 0.0}
     assert equivalents(Problem(candidates, scores, apart=[(3,)]), Model((0,), 0.0)) == {"drag": ()}
     assert equivalents(Problem(candidates, scores), Model((1,), 0.0)) == {}

@@ -47,27 +47,18 @@ def test_torque_that_the_motion_hardly_shows_is_said(seen, noise):
     assert ["12 %, 30 %, 100 %" in text for text in set(said) - set(usual)] == [True]
 
 
-NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]
-SIZE = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # of the gap in noise units
-
-
-def channels(after=1.08):
-    return [
-        ChannelGap(name, "N" if k < 3 else "N·m", noise * size, noise, after * noise)
-        for k, (name, noise, size) in enumerate(zip(CHANNELS, NOISE, SIZE, strict=True))
-    ]
-
-
 def test_the_gap_has_three_kinds_with_shares_of_their_own():
-    lateral, vertical, torque = gap_kinds(channels())
-    assert [part.kind for part in (lateral, vertical, torque)] == [
-        "lateral force",
-        "vertical force",
-        "torque",
+    sizes = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # in noise units
+    every = [
+        ChannelGap(name, "N", 0.05 * size, 0.05, 0.054)
+        for name, size in zip(CHANNELS, sizes, strict=True)
     ]
-    assert lateral.before == pytest.approx(np.hypot(0.05 * 8, 0.05 * 7))  # [N]
+    lateral, vertical, torque = gap_kinds(every)
+    kinds = [part.kind for part in (lateral, vertical, torque)]
+    assert kinds == ["lateral force", "vertical force", "torque"]
+    assert lateral.before == pytest.approx(0.05 * np.hypot(8, 7))  # [N]
     assert vertical.left == pytest.approx((1.08**2 - 1) / (22**2 - 1))
-    assert vertical.above_noise == pytest.approx(0.08 * np.sqrt(1.08**2 - 1))  # [N]
+    assert vertical.above_noise == pytest.approx(0.05 * np.sqrt(1.08**2 - 1))  # [N]
 
 
 def test_without_a_gap_no_share_is_left_of_it():

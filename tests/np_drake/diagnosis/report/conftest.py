@@ -12,14 +12,8 @@ SIZE = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # of the gap in noise units
 
 def replay(scale: float) -> an.ReplayGap:
     grown = np.array([0.01, 0.06, 0.22, 0.85])[:, None]
-    spread = np.array([1.0, 0.85, 1.2])
-    return an.ReplayGap(
-        an.HORIZONS,
-        scale * grown * spread,
-        2.1 * scale * grown * spread,
-        9.0 * scale * grown * spread,
-        48,
-    )
+    size = scale * grown * np.array([1.0, 0.85, 1.2])
+    return an.ReplayGap(an.HORIZONS, size, 2.1 * size, 9.0 * size, 48)
 
 
 def where() -> an.Localisation:
@@ -72,12 +66,8 @@ def calibration() -> tuple[an.Difference, ...]:
 def diagnosis() -> an.Diagnosis:
     left = an.Remainder(0.002, (0.001, 0.009), 0.044, 0.0024, 0.013, 0.85, 0.03)
     gap_reduction = an.GapReduction(9.84, 1.08, left, replay(1.0), replay(0.07))
-    minor = an.Finding(
-        "gyro_bias",
-        "0.002 rad/s about x: too small to move the vehicle.",
-        0.004,
-        {"x [rad/s]": 0.002},
-    )
+    text = "0.002 rad/s about x: too small to move the vehicle."
+    minor = an.Finding("gyro_bias", text, 0.004, {"x [rad/s]": 0.002})
     return an.Diagnosis(
         "paper",
         ("train_1", "train_2"),
@@ -88,10 +78,7 @@ def diagnosis() -> an.Diagnosis:
         where(),
         gap_reduction,
         (minor,),
-        (),
-        0.03,
-        False,
-        (),
-        21.4,
+        unknown_probability=0.03,
+        wall=21.4,
         calibration=calibration(),
     )

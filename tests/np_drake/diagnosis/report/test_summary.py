@@ -18,20 +18,23 @@ SLOW = Finding(
 )
 
 
-def reduced(diagnosis, **changes):
-    """The same diagnosis with another share of the gap, and without a replay."""
-    changes = {"replay_before": None, "replay_after": None} | changes
-    left = dc.replace(diagnosis.gap_reduction.left, share=1 - changes.pop("fraction", 0.998))
-    return dc.replace(
-        diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, **{"left": left} | changes)
-    )
+def with_left(diagnosis, **changes):
+    """The same diagnosis with another remainder."""
+    left = dc.replace(diagnosis.gap_reduction.left, **changes)
+    return dc.replace(diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, left=left))
+
+
+def reduced(diagnosis, fraction=0.998, before=None, after=None):
+    """The same diagnosis with another share of the gap, and with this replay."""
+    found = with_left(diagnosis, share=1 - fraction)
+    replays = {"replay_before": before, "replay_after": after}
+    return dc.replace(found, gap_reduction=dc.replace(found.gap_reduction, **replays))
 
 
 def sure(diagnosis, probability):
     """The same diagnosis with another probability of the unknown."""
-    left = dc.replace(diagnosis.gap_reduction.left, probability=probability)
-    changed = dc.replace(diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, left=left))
-    return dc.replace(changed, unknown_probability=probability)
+    found = with_left(diagnosis, probability=probability)
+    return dc.replace(found, unknown_probability=probability)
 
 
 def clean(diagnosis):
@@ -39,9 +42,7 @@ def clean(diagnosis):
 
 
 def no_gap(diagnosis):
-    return reduced(
-        diagnosis, fraction=0.0, left=dc.replace(diagnosis.gap_reduction.left, share=np.nan)
-    )
+    return with_left(reduced(diagnosis), share=np.nan)
 
 
 def unknown(diagnosis):
@@ -111,16 +112,11 @@ def test_the_answer_is_a_headline_and_a_sentence(diagnosis, change):
 def test_the_headline_says_whether_the_replay_improved(diagnosis, factor, said):
     before = diagnosis.gap_reduction.replay_before
     after = dc.replace(before, position=factor * before.position)
-    assert headline(reduced(diagnosis, replay_before=before, replay_after=after)).endswith(said)
+    assert headline(reduced(diagnosis, before=before, after=after)).endswith(said)
 
 
 def with_channels(diagnosis, *channels):
     return dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=channels))
-
-
-def with_left(diagnosis, **changes):
-    left = dc.replace(diagnosis.gap_reduction.left, **changes)
-    return dc.replace(diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, left=left))
 
 
 def test_a_remainder_that_the_rule_of_the_share_or_noise_hides_says_so(diagnosis):

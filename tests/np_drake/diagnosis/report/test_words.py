@@ -34,36 +34,17 @@ GAP = an.ReplayGap(
 )
 
 
-def small() -> an.Diagnosis:
-    cause = an.Cause(
-        "mass_error",
-        0.9,
-        {"delta_mass": an.Estimate(0.1, "kg", (0.05, 0.15))},
-        {"train_1": None, "heldout": 3.0},
-    )
-    where = an.Localisation(
-        (
-            an.ChannelGap("force x", "N", 0.4, 0.1, 0.11),
-            an.ChannelGap("torque z", "N·m", 0.1, 0.1, 0.1),
-        ),
-        times={"heldout": np.arange(5.0)},
-    )
-    check = an.Identifiability(True, {"speed [m/s]": 1.0}, {"force x": 0.1})
-    gap_reduction = an.GapReduction(5.0, 1.1, replay_before=GAP)
-    return an.Diagnosis(
-        "mine", ("train_1",), ("heldout",), ("mass_error",), (cause,), check, where, gap_reduction
-    )
-
-
-def test_numbers_are_finite_or_null():
-    dut = small().as_json()
+def test_numbers_are_finite_or_null(diagnosis):
+    reduction = dc.replace(diagnosis.gap_reduction, replay_before=GAP)
+    causes = (dc.replace(diagnosis.causes[0], share=np.nan),)
+    dut = dc.replace(diagnosis, gap_reduction=reduction, causes=causes).as_json()
     text = json.dumps(dut, allow_nan=False)
     assert json.loads(text) == dut
     assert dut["gap"]["replay"]["position"] == [0.1, None]
     assert dut["causes"][0]["share"] is None
 
 
-def test_loads_are_told_flight_by_flight():
+def test_loads_are_told_flight_by_flight(diagnosis):
     mass, heavier, none = (an.Estimate(m, "kg", (m, m)) for m in (0.2, 0.45, 0.0))
     changes = {"a": (7.0, 13.0), "b": (np.inf, 9.0), "c": (np.inf, np.inf), "d": ()}
     parameters = {"mass": mass, "length": an.Estimate(0.8, "m", (0.8, 0.8))}
@@ -77,9 +58,9 @@ def test_loads_are_told_flight_by_flight():
         "d: not at all",
         "a 200 g payload on 0.80 m (+250 g then dropped)",
     ]
-    (steps,) = [c["steps"] for c in dc.replace(small(), causes=(cause,)).as_json()["causes"]]
+    (steps,) = [c["steps"] for c in dc.replace(diagnosis, causes=(cause,)).as_json()["causes"]]
     assert steps["b"] == [{"time": 9.0, "mass": 0.0, "ci95": [0.0, 0.0]}]
-    assert "steps" not in small().as_json()["causes"][0]
+    assert "steps" not in diagnosis.as_json()["causes"][0]
 
 
 def test_a_warning_that_stands_before_the_answer_is_not_said_again(diagnosis):

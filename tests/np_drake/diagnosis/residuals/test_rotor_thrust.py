@@ -68,9 +68,8 @@ def test_a_lag_answers_a_step_as_an_exponential_of_rotor_speed():
     s0, s1 = np.sqrt(low), np.sqrt(high)
     e = np.exp(-since / T)
 
-    def mean(
-        power: int,
-    ) -> np.ndarray:  # of e^(-power t / T) over the interval that begins at `since`
+    def mean(power: int) -> np.ndarray:
+        """Return the mean of e^(-power t / T) over the interval that begins at `since`."""
         return T / (power * STEP) * (1 - np.exp(-power * STEP / T)) * e**power
 
     expected = s1**2 + 2 * s1 * (s0 - s1) * mean(1) + (s0 - s1) ** 2 * mean(2)
@@ -83,12 +82,8 @@ def test_a_lag_answers_a_step_as_an_exponential_of_rotor_speed():
 
 
 def test_measured_rotor_speed_is_between_rows_and_passes_propellers_only():
-    f = 5.0 + np.linspace(-1.0, 1.0, 60)[:, None] ** 3 * [
-        1.0,
-        -2.0,
-        0.5,
-        3.0,
-    ]  # no fourth difference, so no noise
+    # No fourth difference, so no noise.
+    f = 5.0 + np.linspace(-1.0, 1.0, 60)[:, None] ** 3 * [1.0, -2.0, 0.5, 3.0]
     log = dc.replace(log_of(f), input="rotor_speed")
     chain = [MotorLag(0.05), CommandDelay(0.03), ThrustScale(0.9)]
     rows, mids = Rotors(log, VEHICLE).thrust(chain)
@@ -110,26 +105,14 @@ def known(log: FlightLog) -> FlightLog:
     return dc.replace(log, u=at_rows, input="rotor_speed")
 
 
-def read(log: FlightLog, noise: float = NOISE, seed: int = 0) -> FlightLog:
-    """Return the log with noise on its rotor speed [rad/s]."""
-    spin = rotor_speed(VEHICLE, known(log).u)
-    spin = spin + noise * np.random.default_rng(seed).normal(size=spin.shape)
-    return dc.replace(known(log), u=rotor_wrench(VEHICLE, spin))
-
-
-def wrench_noise(log: FlightLog) -> np.ndarray:
-    """Return the mean deviation of thrust and torques (4,) due to the noise of the readings [N,
-    N·m].
-    """
-    of_rotors = (
-        2 * VEHICLE.thrust_coefficient * NOISE * np.mean(rotor_speed(VEHICLE, log.u), axis=0)
-    )
-    return np.sqrt(VEHICLE.mixer**2 @ of_rotors**2)
-
-
 def test_likeliest_thrust_is_nearer_than_the_reading_and_its_noise_known(fly):
     log = fly(noise=1.0, seconds=20.0)
-    true, seen = (x.u @ VEHICLE.unmixer.T for x in (known(log), read(log)))
-    found, noise = Rotors(read(log), VEHICLE)._read
-    np.testing.assert_allclose(noise, wrench_noise(log), rtol=0.1)
+    spin = rotor_speed(VEHICLE, known(log).u)
+    noisy = spin + NOISE * np.random.default_rng(0).normal(size=spin.shape)
+    read = dc.replace(known(log), u=rotor_wrench(VEHICLE, noisy))
+    true, seen = (x.u @ VEHICLE.unmixer.T for x in (known(log), read))
+    found, noise = Rotors(read, VEHICLE)._read
+    speed = np.mean(rotor_speed(VEHICLE, log.u), axis=0)
+    of_rotors = 2 * VEHICLE.thrust_coefficient * NOISE * speed  # [N]
+    np.testing.assert_allclose(noise, np.sqrt(VEHICLE.mixer**2 @ of_rotors**2), rtol=0.1)
     assert np.std(found - true) < 0.5 * np.std(seen - true)
