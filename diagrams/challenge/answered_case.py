@@ -58,6 +58,11 @@ def violation(form: Validator, value: Any) -> str | None:
     return f"{place}{'.' if place else ''}{name} is missing; it must be {must}."
 
 
+def read_answer(path: Path, form: Validator) -> dict[str, Any] | None:
+    """Return the checked content of an answer; None where there is none."""
+    return read_checked(path, form) if path.is_file() else None
+
+
 def read_checked(path: Path, form: Validator) -> dict[str, Any]:
     """Return the content of a JSON file that holds an object.
 
@@ -78,11 +83,9 @@ class AnsweredCase:
     """A case with the content of truth.json and diagnosis.json; answer None: there is none.
 
     kind: single | pair | triple | onset | clean | foreign. group: simulator and quality, as `drake,
-    real`. true_names: all effects that act. must_be_named: numbers of those that are not within
-    what vehicle file, input and sensors may be off by. visibility: largest ratio of a channel's RMS
-    to its noise, 1 where nothing must be named: nobody can tell [1]. visible: whether the case must
-    be found. verdict: all that is said to be missing. named: the same without `unknown`. causes: of
-    the answer, by effect.
+    real`. true_names: all effects that act. visibility: largest ratio of a channel's RMS to its
+    noise [1]. visible: whether the case must be found. verdict: all that is said to be missing.
+    named: the same without `unknown`. causes: of the answer, by effect.
     """
 
     def __init__(
@@ -97,10 +100,7 @@ class AnsweredCase:
         self.kind, said = str(truth["kind"]), answer or {"verdict": (), "causes": ()}
         self.group = f"{truth['simulator']}, {truth['quality']}"
         self.true_names = tuple(effect["effect"] for effect in truth["effects"])
-        lost = truth.get("within_tolerance") or [False] * len(self.true_names)
-        self.must_be_named = {i for i, within in enumerate(lost) if not within}
-        tells = bool(self.must_be_named) or not self.true_names
-        self.visibility = float(truth["visibility"]) if tells else 1.0
+        self.visibility = float(truth["visibility"])
         self.visible = self.visibility >= least
         self.verdict = tuple(said["verdict"])
         self.named = tuple(name for name in self.verdict if name != UNKNOWN)
@@ -122,13 +122,11 @@ def read_answered_cases(answers: Path, truth: Path, least: float = VISIBLE) -> l
     require(bool(names), f"{truth}: must hold <case>/{TRUTH_FILE}; got none.")
     cases = []
     for name in names:
-        file, known = answers / name / ANSWER_FILE, read_checked(truth / name / TRUTH_FILE, TRUTH)
-        answer = read_checked(file, ANSWER) if file.is_file() else None
-        lists = (known["effects"], known["class"], known.get("within_tolerance", known["effects"]))
+        known = read_checked(truth / name / TRUTH_FILE, TRUTH)
         require(
-            len(set(map(len, lists))) == 1,
-            f"{truth / name / TRUTH_FILE}: class and within_tolerance must hold one for each "
-            f"effect.",
+            len(known["effects"]) == len(known["class"]),
+            f"{truth / name / TRUTH_FILE}: class must hold one for each effect.",
         )
+        answer = read_answer(answers / name / ANSWER_FILE, ANSWER)
         cases.append(AnsweredCase(str(name), known, answer, least))
     return cases

@@ -8,11 +8,12 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 
 from diagrams.batch.run import FailedRun, Workers, require
 from diagrams.challenge.draw import FILES, NOISE, Case, CaseDraw, case_name, compose, draw_case
-from diagrams.challenge.flight import SIMULATORS, fly, require_rotorpy
+from diagrams.challenge.flight import SIMULATORS, fly
 from diagrams.challenge.sensors import QUALITIES, kept_rows, with_sensor_noise
 from diagrams.challenge.truth import TRUTH_FILE, GroundTruth
 from np_drake.files.file_access import kept_json, write_json, write_text
@@ -191,8 +192,10 @@ def check_request(
         ("quality", quality, QUALITIES),
     ):
         require(value in known, f"make: {name} must be one of {', '.join(known)}; got {value!r}.")
-    if simulator == "rotorpy":
-        require_rotorpy()
+    require(
+        simulator != "rotorpy" or find_spec("rotorpy") is not None,
+        "simulator: for rotorpy its package must be installed; pip install 'np_drake[challenge]'.",
+    )
     require(5 <= seconds <= 300, f"make: seconds must be 5 … 300 [s]; got {seconds}.")
     require(cases >= 1, "make: there must be at least one case; got none.")
     # Two sets in one folder could not be told apart; what begins with a dot is of a killed run.

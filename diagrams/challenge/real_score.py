@@ -13,9 +13,9 @@ from typer import Option
 
 from diagrams.batch.run import FailedRun, Report, Run, Table, failures
 from diagrams.challenge import real
-from diagrams.challenge.answered_case import ANSWER_FILE, REAL_ANSWER, read_checked
+from diagrams.challenge.answered_case import ANSWER_FILE, REAL_ANSWER, read_answer
 from diagrams.challenge.least_squares import WRENCH, library_columns, select_by_bic
-from diagrams.challenge.real import DRAG, GROUND, PAYLOAD, PLACE, WINDS, Case, Truth, campaign_of
+from diagrams.challenge.real import DRAG, GROUND, PAYLOAD, PLACE, WINDS, Truth, campaign_of
 from diagrams.challenge.score import SURE, calibration
 from diagrams.challenge.score_tables import calibration_figure, table
 from diagrams.gap.drake_replay import DrakeReplay
@@ -44,15 +44,6 @@ BESIDE_WIND = {"mass_error", "clock_offset"}  # no names beside a wind
 
 
 # Score of one case
-
-
-def read_answer(folder: Path, case: Case) -> dict[str, Any] | None:
-    """Return the answer to a case; None where the folder holds none.
-
-    Raises: ValueError: one line with file and field, if it is no such answer.
-    """
-    file = folder / case.folder / ANSWER_FILE
-    return read_checked(file, REAL_ANSWER) if file.is_file() else None
 
 
 def effects_of(answer: Mapping[str, Any], names: Iterable[str]) -> list[Effect]:
@@ -151,7 +142,9 @@ def score_case(
             before=campaign.logs(case.before),
         )
         found["answer"] = diagnosis.as_json()
-    answer = read_answer(answers, case) if answers else found["answer"]
+    answer = found.get("answer")
+    if answers is not None:
+        answer = read_answer(answers / case.folder / ANSWER_FILE, REAL_ANSWER)
     methods = {} if answer is None else {THIS: scored(answer, truth, [log.name for log in train])}
     if case.still:
         calm = mean_force(campaign.logs(case.still), vehicle)
@@ -414,7 +407,11 @@ def run(
     """
     folder = required("real", folder, REAL_FLIGHTS)
     cases = real.make_cases(folder, neurobem, only or ())
-    lost = [c.folder / ANSWER_FILE for c in cases if answers and read_answer(answers, c) is None]
+    lost = [
+        case.folder / ANSWER_FILE
+        for case in cases
+        if answers and read_answer(answers / case.folder / ANSWER_FILE, REAL_ANSWER) is None
+    ]
     if len(lost) == len(cases):
         raise ValueError(
             f"--answers: {answers} must hold <group>/<case>/{ANSWER_FILE}, as {lost[0]}; got none."

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.draw import FILES, Case
+from diagrams.challenge.draw import FILES, OUT_OF_LIBRARY, Case
 from np_drake.diagnosis.calibration import file_errors, flight_errors
 from np_drake.diagnosis.forward_model import NEVER, Stages, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
@@ -186,7 +186,7 @@ class GroundTruth:
         A ceiling effect, for example, is a mass error to a vehicle that stays where its lift is
         even. The remainder must be of a visibility below `NO_GAP`, were all of it in one channel.
         """
-        if not self.case.out_of_library:
+        if self.case.draw.kind != OUT_OF_LIBRARY:
             return []
         trace = {file: pair.true.y - pair.background for file, pair in self.flights.items()}
         within = (NO_GAP**2 - 1.0) * sum(len(y) for y in trace.values())
@@ -199,7 +199,7 @@ class GroundTruth:
         Whitened with what noise really left there, so that nothing is solved for it.
         """
         effects = self.case.effects
-        if not effects or self.case.out_of_library:
+        if not effects or self.case.draw.kind == OUT_OF_LIBRARY:
             return [[effect.identifier] for effect in effects]
         same = self._collinearity(FILES[:-1])
         terms = [Term(effect, dict(self.case.onset)) for effect in effects]

@@ -69,7 +69,7 @@ WRONG = [
     ("truth", EFFECT, 1, r"effects\[0\] must be an object with effect, parameters, onset; got 1\."),
     ("truth", EFFECT, {}, r"effects\[0\]\.effect is missing; it must be text\."),
     ("truth", [*EFFECT, "parameters", "scale"], "a", r"scale must be a finite number; got 'a'\."),
-    ("truth", ["class"], [], "class and within_tolerance must hold one for each effect"),
+    ("truth", ["class"], [], "class must hold one for each effect"),
     ("truth", ["true_model_residual"], {}, "force_x is missing; it must be a finite number, at"),
     ("truth", ["visibility"], float("nan"), "visibility must be a finite number, at least 0; got"),
     ("truth", ["kind"], "weird", "kind must be one of single, .*, foreign; got 'weird'"),

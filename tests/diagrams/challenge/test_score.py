@@ -60,20 +60,6 @@ def test_a_cause_stands_for_one_effect_and_its_own_name_goes_first():
     assert matches(both) == {0: "thrust_scale", 1: "linear_drag"}
 
 
-def test_an_effect_within_the_files_tolerance_may_be_named_or_not():
-    lost = {"kind": "pair", "within_tolerance": [True, False]}
-    truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, **lost)
-    for names, found in [
-        (("linear_drag",), (1, 0, 0)),
-        (("linear_drag", "thrust_scale"), (2, 0, 0)),
-        (("thrust_scale",), (1, 0, 1)),
-        (("linear_drag", "weak_rotor"), (1, 1, 0)),
-    ]:
-        dut = outcome(by_hand.named(truth, *names))
-        assert dut["counts"] == found
-        assert dut["right_class"] == dut["exact"] == (found[1:] == (0, 0))
-
-
 # Parameters
 
 
