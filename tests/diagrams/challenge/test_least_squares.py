@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from diagrams.challenge.least_squares import (
-    DAMPING,
     LENGTHS,
     WRENCH,
     fit,
@@ -12,10 +11,13 @@ from diagrams.challenge.least_squares import (
     payload_columns,
     select_by_bic,
 )
+from diagrams.challenge.out_of_library import OutOfLibraryWrench, periodic_force
 from np_drake.diagnosis.residuals import make_flight_residuals
-from np_drake.effects.pendulum import hanging, swing_many
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
-from tests.diagrams.challenge.made_flight import flight as make_flight
+from tests.np_drake.diagnosis.simulated_flights import fly
+
+STEADY = {"force": np.array([-0.5, 0.2, 0.0]), "frequency": 0.0, "phase": np.pi / 2}
 
 
 def found_on(log):
@@ -24,7 +26,7 @@ def found_on(log):
 
 
 def test_a_steady_force_is_a_wind():
-    found = found_on(make_flight(2, lambda t, p, v, a: np.array([-0.5, 0.2, 0.0]) + 0 * v))
+    found = found_on(fly(OutOfLibraryWrench(periodic_force, **STEADY), seed=2, noise=0.1))
     assert found.get("constant_wind", 0.0) > 0.99
 
 
@@ -49,15 +51,9 @@ def test_the_criterion_is_that_of_gaussian_noise():
 
 def test_a_planted_payload_is_found_at_its_length():
     mass, length = 0.15, LENGTHS[13]
-
-    def pull(t, p, v, a):
-        start = hanging(np.array([[0.1, -0.05]]), np.zeros((1, 2)), length)
-        a, v = 0.5 * (a[1:] + a[:-1]), 0.5 * (v[1:] + v[:-1])
-        how = {"damping": DAMPING, "v_hook": v}
-        pulls = swing_many(np.array([length]), *start, a, t[1] - t[0], 9.81, **how)[:, 0]
-        return mass * np.concatenate([pulls[:1], 0.5 * (pulls[1:] + pulls[:-1]), pulls[-1:]])
-
-    log = make_flight(4, pull)
+    log = fly(
+        SuspendedPayload(mass, length, 0.0, 0.0, 0.0, damping=0.1), seed=4, noise=0.1, vigour=0.5
+    )
     assert found_on(log).get("suspended_payload", 0.0) > 0.99
     e = make_flight_residuals(log, Vehicle())
     y = e.y[:, :WRENCH] * [1, 1, 1, 0, 0, 0]

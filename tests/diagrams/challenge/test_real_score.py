@@ -25,7 +25,7 @@ from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.vehicle import ThrottleMap
-from tests.diagrams.challenge.made_flight import flight as make_flight
+from tests.np_drake.diagnosis.simulated_flights import fly
 
 FORCE = {axis: {"rms": 2.0 + k, "after": 0.2 + 0.1 * k} for k, axis in enumerate("xy")}
 CASES = ("01-02_to_11-12", "11-12_to_01-02")
@@ -72,7 +72,7 @@ def test_the_unknown_counts_where_it_is_the_truth_and_where_a_place_pulls():
 
 
 def test_the_mean_force_of_a_wind_is_that_of_its_drag():
-    log = make_flight(5, lambda t, p, v, a: 0 * v)
+    log = fly(seed=5)
     # Drag in still air has a mean of its own, which is no wind's.
     log = dc.replace(log, v=log.v + [3.0, 0.0, 0.0])
     drag, wind, measured = (

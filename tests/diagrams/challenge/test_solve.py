@@ -7,10 +7,11 @@ import pytest
 from diagrams.batch.run import one_line
 from diagrams.challenge import solve as module
 from diagrams.challenge.solve import solve, solve_case
+from np_drake.effects.linear_drag import LinearDrag
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.text import vehicle_text
-from tests.diagrams.challenge.made_flight import flight as make_flight
+from tests.np_drake.diagnosis.simulated_flights import fly
 
 FILES = ("train_1.csv", "heldout_1.csv")
 
@@ -23,7 +24,7 @@ def cases(tmp_path):
         folder.mkdir(parents=True)
         (folder / "vehicle.yaml").write_text(vehicle_text(Vehicle()))
         for seed, file in enumerate(FILES):
-            write_log(make_flight(seed, lambda t, p, v, a: -0.3 * v, 5.0), folder / file)
+            write_log(fly(LinearDrag(0.3, 0.3, 0.3), seed=seed, seconds=5.0), folder / file)
     (tmp_path / "cases" / "b2" / FILES[1]).unlink()
     return tmp_path / "cases"
 
@@ -113,13 +114,7 @@ def test_no_truth_is_opened_wherever_one_lies(cases, tmp_path):
     for name in ("b2", "c3"):
         for file in (cases / name).iterdir():
             file.unlink()
-    for folder in (
-        cases / "a1",
-        cases,
-        cases / "truth" / "a1",
-        tmp_path / "truth" / "a1",
-        tmp_path,
-    ):
+    for folder in (cases / "a1", cases, cases / "truth", tmp_path / "truth" / "a1", tmp_path):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "truth.json").write_text("this is no JSON")
     command = [sys.executable, "-c", WATCHED, str(cases)]
