@@ -265,6 +265,7 @@ def outcome(record: Mapping[str, Any], by: str) -> dict[str, Any]:
     own, truth = record["methods"][by], campaign_of(record["group"]).truth
     causes, fans, wind = own["causes"], record.get("wind"), own.get("wind", {})
     names, sizes = set(real.named(causes)), estimates(own, truth)
+    holds = {name: truth.holds(name, own["late"]) for name in causes}
     within = {line["parameter"]: line["within"] for line in sizes}
     near = {
         figure: figure in wind and abs(wind[figure] - about) <= most
@@ -279,7 +280,7 @@ def outcome(record: Mapping[str, Any], by: str) -> dict[str, Any]:
         if replay.get(when)
     }
     shown = [
-        f"{name.upper() if truth.holds(name, own['late']) is False else name} {p:.2f}"
+        f"{name.upper() if holds[name] is False else name} {p:.2f}"
         for name, p in sorted(causes.items(), key=lambda pair: -pair[1])
     ]
     more = [f"and {len(shown) - TOP} more"] if len(shown) > TOP else []
@@ -299,7 +300,7 @@ def outcome(record: Mapping[str, Any], by: str) -> dict[str, Any]:
         **near,
         "new": None if by == BIC else bool(own["new_condition"]),
         "sure": sum(causes[name] > SURE for name in own["wrong"]),
-        "judged": truth.judged(causes, own["late"]),
+        "judged": [(p, holds[n]) for n, p in causes.items() if holds[n] is not None],
         "seconds": own.get("seconds"),
         "replay": flown,
         "sizes": sizes,

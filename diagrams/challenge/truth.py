@@ -80,12 +80,11 @@ class Collinearity:
         return self._same(trace, self._library({}), within)
 
     def _same(self, trace: Trace, options: Sequence[Candidate], within: float) -> list[str]:
-        found: dict[str, float] = {}
-        for option in options:
-            name = option.identifiers[-1]
-            X = np.hstack([self._tolerated, self._columns([option])])
-            found[name] = min(self._distance(trace, X), found.get(name, np.inf))
-        return sorted((n for n, d in found.items() if d < within), key=lambda n: found[n])
+        columns = (np.hstack([self._tolerated, self._columns([option])]) for option in options)
+        distances = [self._distance(trace, X) for X in columns]
+        names = [option.identifiers[-1] for option in options]
+        nearest = sorted(zip(distances, names, strict=True))
+        return list(dict.fromkeys(name for distance, name in nearest if distance < within))
 
     def _library(self, onset: Onset) -> list[Candidate]:
         plain = library_candidates(self._flights, onset or None)
