@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from diagrams.challenge.answered_case import AnsweredCase
+from diagrams.challenge.answers import AnsweredCase
 from diagrams.challenge.draw import CLEAN, OUT_OF_LIBRARY
 from diagrams.challenge.truth import NO_GAP
 from np_drake.diagnosis.result import UNKNOWN

@@ -3,7 +3,7 @@
 import copy
 from typing import Any
 
-from diagrams.challenge.answered_case import AnsweredCase
+from diagrams.challenge.answers import AnsweredCase
 
 FLOOR = {"force": 0.2, "torque": 0.02}  # that the true model leaves in every channel [N, N·m]
 SCALE = {"effect": "thrust_scale", "parameters": {"scale": 0.9}}

@@ -5,7 +5,7 @@ import shutil
 
 import pytest
 
-from diagrams.challenge import solve as module
+from diagrams.challenge import answers as module
 from diagrams.cli.main import run
 
 
