@@ -446,8 +446,9 @@ def calibrations(rows: pd.DataFrame) -> dict[str, list[dict[str, Any]]]:
 
 def outcomes(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Return a row for every case and method."""
-    answered = [(r, by) for by in (THIS, BIC) for r in records if by in r["methods"]]
-    return pd.DataFrame([outcome(record, by) for record, by in answered])
+    return pd.DataFrame(
+        [outcome(record, by) for by in (THIS, BIC) for record in records if by in record["methods"]]
+    )
 
 
 def asked_figures(rows: pd.DataFrame) -> list[dict[str, Any]]:

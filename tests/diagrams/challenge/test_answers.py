@@ -21,13 +21,7 @@ from tests.np_drake.diagnosis.simulated_flights import fly
 @pytest.fixture
 def folders(tmp_path):
     truths = {"a1": by_hand.make_truth(by_hand.SCALE), "b2": by_hand.make_truth(kind="clean")}
-    for name, truth in truths.items():
-        (tmp_path / "truth" / name).mkdir(parents=True)
-        (tmp_path / "truth" / name / "truth.json").write_text(json.dumps(truth))
-    (tmp_path / "answers" / "a1").mkdir(parents=True)
-    said = by_hand.perfect(truths["a1"])
-    (tmp_path / "answers" / "a1" / "diagnosis.json").write_text(json.dumps(said))
-    return tmp_path / "answers", tmp_path / "truth"
+    return by_hand.write(tmp_path, truths, {"a1": by_hand.perfect(truths["a1"])})
 
 
 def test_every_truth_is_a_case_with_or_without_an_answer(folders):
@@ -124,21 +118,9 @@ def cases(tmp_path):
     return tmp_path / "cases"
 
 
-class Answered:
-    """Stands for a diagnosis with one answer."""
-
-    refit = None
-
-    def __init__(self, vehicle, train, held_out, replay):
-        self.content = {"train": [log.name for log in train], "replay": replay is not None}
-
-    def as_json(self):
-        return self.content
-
-
 @pytest.fixture
 def quick(monkeypatch, in_this_process):
-    monkeypatch.setattr(module, "diagnose", Answered)
+    monkeypatch.setattr(module, "diagnose", by_hand.Answered)
 
 
 @pytest.mark.usefixtures("quick")
@@ -159,7 +141,7 @@ def test_a_case_that_fails_loses_only_itself(cases, tmp_path):
 
 def test_the_second_answer_is_written_where_there_is_one(cases, tmp_path, monkeypatch):
     def twice(*given):
-        first, second = Answered(*given), Answered(*given)
+        first, second = by_hand.Answered(*given), by_hand.Answered(*given)
         second.content["joined"] = ["heldout_1.csv"]
         first.refit = second
         return first

@@ -64,10 +64,6 @@ def test_a_cause_stands_for_one_effect_and_its_own_name_goes_first():
 # Parameters
 
 
-def answered(truth, name, **parameters):
-    return by_hand.make_case(truth, by_hand.make_answer(by_hand.make_cause(name, parameters)))
-
-
 @pytest.mark.parametrize(
     "effect, given, size, inside",
     [
@@ -77,19 +73,19 @@ def answered(truth, name, **parameters):
 )
 def test_an_error_is_relative_to_the_distance_from_neutral(effect, given, size, inside):
     effect = getattr(by_hand, effect)
-    ((_, _, found, kind, held, _),) = errors_of(
-        answered(by_hand.make_truth(effect), effect["effect"], **given)
-    )
+    answer = by_hand.make_answer(by_hand.make_cause(effect["effect"], given))
+    case = by_hand.make_case(by_hand.make_truth(effect), answer)
+    ((_, _, found, kind, held, _),) = errors_of(case)
     assert (found, kind, held) == (pytest.approx(size), "relative", inside)
 
 
 # Onsets
 
 
-def begun(onset, name="thrust_scale", **other):
+def begun(onset):
     starts = {"train_1.csv": 8.0, "train_2.csv": None, "heldout_1.csv": 5.0}
-    truth = by_hand.make_truth({**by_hand.SCALE, "onset": starts}, kind="onset", **other)
-    cause = {**by_hand.make_cause(name, {}), "onset": onset}
+    truth = by_hand.make_truth({**by_hand.SCALE, "onset": starts}, kind="onset")
+    cause = {**by_hand.make_cause("thrust_scale", {}), "onset": onset}
     return by_hand.make_case(truth, by_hand.make_answer(cause))
 
 
@@ -110,10 +106,8 @@ def test_flights_with_an_onset_are_counted():
 # Gap and replay
 
 
-def closing(kind="single", **figures):
-    effects = () if kind == "clean" else (by_hand.SCALE,)
-    truth = by_hand.make_truth(*effects, kind=kind)
-    return by_hand.make_case(truth, by_hand.make_answer(**figures))
+def closing(**figures):
+    return by_hand.make_case(by_hand.make_truth(by_hand.SCALE), by_hand.make_answer(**figures))
 
 
 @pytest.mark.parametrize(

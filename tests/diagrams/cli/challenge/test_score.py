@@ -15,12 +15,7 @@ ANSWER = by_hand.make_answer(by_hand.make_cause("mass_error", {"delta_mass": 0.2
 @pytest.fixture
 def folders(tmp_path):
     """Two cases, one answered."""
-    for name in ("a", "b"):
-        (tmp_path / "truth" / name).mkdir(parents=True)
-        (tmp_path / "truth" / name / "truth.json").write_text(json.dumps(TRUTH))
-    (tmp_path / "answers" / "a").mkdir(parents=True)
-    (tmp_path / "answers" / "a" / "diagnosis.json").write_text(json.dumps(ANSWER))
-    return [str(tmp_path / "answers"), str(tmp_path / "truth")]
+    return map(str, by_hand.write(tmp_path, {"a": TRUTH, "b": TRUTH}, {"a": ANSWER}))
 
 
 def test_answers_are_scored_into_tables_figures_and_metrics(folders, tmp_path, capsys):
