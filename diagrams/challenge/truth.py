@@ -71,7 +71,7 @@ class Collinearity:
         options = [option for option in options if option.identifiers[-1] not in known]
         return self._same(own, options, DISTANCE)
 
-    def effects_of(self, trace: Trace, within: float = DISTANCE) -> list[str]:
+    def effects_of(self, trace: Trace, within: float) -> list[str]:
         """Return the library effects that come near a residual, nearest first; none where mass,
         thrust and sensors within tolerance come as near by themselves.
         """
