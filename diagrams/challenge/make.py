@@ -103,18 +103,17 @@ class Making:
                 if same := truth.equivalent_library_effects():
                     names = " with ".join(draw.names)
                     raise FailedRun(f"make: {names} must be no {same[0]} where it is flown.")
+                return {
+                    "name": case_name(self.seed, draw.index),
+                    "files": _case_files(drawn, noisy),
+                    "truth": {
+                        **truth.content(self.simulator),
+                        "seconds": self.seconds,
+                        "version": version("np_drake"),
+                    },
+                }
             except FailedRun as error:
                 last = error
-                continue
-            return {
-                "name": case_name(self.seed, draw.index),
-                "files": _case_files(drawn, noisy),
-                "truth": {
-                    **truth.content(self.simulator),
-                    "seconds": self.seconds,
-                    "version": version("np_drake"),
-                },
-            }
         raise FailedRun(f"make: no draw of {tuple(case['names'])} could be flown; the last: {last}")
 
     def is_there(self, draw: CaseDraw, out: Path, truth: Path) -> bool:

@@ -42,7 +42,8 @@ SCHEMA = "np_drake.golden/1"
 def golden_cases() -> dict[str, Settings]:
     """Return every simulated case by name, as `kind/effects/simulator/quality`.
 
-    A case's place in the file is its index, which seeds its flights: new ones stand last.
+    A case's place in the file is its index, which seeds its flights: a new one stands last, as null
+    until it is answered.
     """
     cases: dict[str, Settings] = {}
     for index, name in enumerate(name for name in read_answers(STORED) if REAL not in name):
