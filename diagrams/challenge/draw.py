@@ -98,11 +98,6 @@ class Case:
     effects: tuple[Effect, ...]
     onset: dict[str, float | None]
 
-    @property
-    def out_of_library(self) -> bool:
-        """Return whether its effects are not in the library."""
-        return self.draw.kind == OUT_OF_LIBRARY
-
     def instants(self, file: str) -> np.ndarray:
         """Return the times (n,) of the rows of a flight, before any is dropped [s]."""
         rng = self.draw.stream(self.seed, _SENSORS, FILES.index(file) + 1)

@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -148,14 +147,6 @@ def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadCon
     reduced = payload.mass * vehicle.mass / (payload.mass + vehicle.mass)
     stiffness, damping = reduced * CABLE_RATE**2, 2 * CABLE_DAMPING * reduced * CABLE_RATE
     return dc.replace(payload, stiffness=stiffness, damping=damping)
-
-
-def require_rotorpy() -> None:
-    """Raises ValueError: where rotorpy is not installed."""
-    require(
-        find_spec("rotorpy") is not None,
-        "simulator: for rotorpy its package must be installed; pip install 'np_drake[challenge]'.",
-    )
 
 
 def fly(

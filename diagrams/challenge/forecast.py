@@ -82,11 +82,10 @@ def open_campaign(folder: Path) -> dict[str, list[Opened]]:
         f"{folder / campaign.patterns[0]}: must be flights of two manoeuvres (runs of "
         f"numbers); got {len(blocks)}.",
     )
-    flights = {
-        block_name(block): [log for path in block for log in campaign.open_flights(path)]
+    return {
+        block_name(block): [(log, campaign.nominal) for log in campaign.logs(block)]
         for block in blocks
     }
-    return {name: [(log, campaign.nominal) for log in logs] for name, logs in flights.items()}
 
 
 def square_errors(model: ResidualModel, opened: Opened, motion: str) -> dict[str, list]:

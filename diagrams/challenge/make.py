@@ -8,11 +8,12 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 
 from diagrams.batch.run import FailedRun, Workers, require
 from diagrams.challenge.draw import FILES, NOISE, Case, CaseDraw, case_name, compose, draw_case
-from diagrams.challenge.flight import SIMULATORS, fly, require_rotorpy
+from diagrams.challenge.flight import SIMULATORS, fly
 from diagrams.challenge.sensors import QUALITIES, kept_rows, with_sensor_noise
 from diagrams.challenge.truth import TRUTH_FILE, GroundTruth
 from np_drake.files.file_access import kept_json, write_json, write_text
@@ -102,30 +103,27 @@ class Making:
                 if same := truth.equivalent_library_effects():
                     names = " with ".join(draw.names)
                     raise FailedRun(f"make: {names} must be no {same[0]} where it is flown.")
+                return {
+                    "name": case_name(self.seed, draw.index),
+                    "files": _case_files(drawn, noisy),
+                    "truth": {
+                        **truth.content(self.simulator),
+                        "seconds": self.seconds,
+                        "version": version("np_drake"),
+                    },
+                }
             except FailedRun as error:
                 last = error
-                continue
-            return {
-                "name": case_name(self.seed, draw.index),
-                "files": _case_files(drawn, noisy),
-                "truth": {
-                    **truth.content(self.simulator),
-                    "seconds": self.seconds,
-                    "version": version("np_drake"),
-                },
-            }
         raise FailedRun(f"make: no draw of {tuple(case['names'])} could be flown; the last: {last}")
 
     def is_there(self, draw: CaseDraw, out: Path, truth: Path) -> bool:
         """Return whether both folders of the case are there and of this request."""
         name = case_name(self.seed, draw.index)
-        found = kept_json(truth / name / TRUTH_FILE)
-        if found is None or not (out / name / VEHICLE).is_file():
-            return False
+        found = kept_json(truth / name / TRUTH_FILE) or {}
         asked = {**dc.asdict(self), "kind": draw.kind, "version": version("np_drake")}
         named = {effect["effect"] for effect in found.get("effects", ())}
-        same = all(found.get(key) == value for key, value in asked.items())
-        return same and set(draw.names) <= named
+        there = (out / name / VEHICLE).is_file() and asked.items() <= found.items()
+        return there and set(draw.names) <= named
 
 
 def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str, FlightLog]]:
@@ -191,8 +189,10 @@ def check_request(
         ("quality", quality, QUALITIES),
     ):
         require(value in known, f"make: {name} must be one of {', '.join(known)}; got {value!r}.")
-    if simulator == "rotorpy":
-        require_rotorpy()
+    require(
+        simulator != "rotorpy" or find_spec("rotorpy") is not None,
+        "simulator: for rotorpy its package must be installed; pip install 'np_drake[challenge]'.",
+    )
     require(5 <= seconds <= 300, f"make: seconds must be 5 … 300 [s]; got {seconds}.")
     require(cases >= 1, "make: there must be at least one case; got none.")
     # Two sets in one folder could not be told apart; what begins with a dot is of a killed run.

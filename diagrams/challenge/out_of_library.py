@@ -71,9 +71,9 @@ class OutOfLibraryActuator(OutOfLibrary, ActuatorEffect):
         return self._law(vehicle, command, state, **self._sizes)[2]
 
 
-def _hover_thrust(vehicle: Vehicle) -> float:
-    """Return the thrust of a rotor in hover [N]."""
-    return vehicle.mass * vehicle.gravity / 4
+def _weight(vehicle: Vehicle) -> float:
+    """Return the weight, of which a rotor carries a quarter in hover [N]."""
+    return vehicle.mass * vehicle.gravity
 
 
 def _force(f_W: np.ndarray) -> np.ndarray:
@@ -146,7 +146,7 @@ def odd_propeller(vehicle, motion, rotor, c):
     f = c sqrt(f_i / h) (z x v) in B at the rotor (0 to 3) [N·s/m], v of Bo through the air, h the
     thrust in hover; tau = place x f.
     """
-    over_hover = motion.rotor_thrust[..., rotor] / _hover_thrust(vehicle)
+    over_hover = motion.rotor_thrust[..., rotor] / (_weight(vehicle) / 4)
     turning = np.sqrt(np.maximum(over_hover, 0.0))  # speed of the rotor over that in hover
     f_B = c * turning[..., None] * np.cross([0.0, 0.0, 1.0], motion.air_B)
     return chi_from_body(motion, f_B, np.cross(vehicle.rotor_positions[rotor], f_B))
@@ -211,9 +211,8 @@ def sticking_axis(vehicle, motion, axis, drag, torque, period, share):
     twists it [N·m].
     """
     stuck = np.mod(motion.t, period) < share * period
-    chi = np.zeros((*motion.x.shape[:-1], 6))
-    chi[..., 3 + axis] = stuck * (torque - drag * motion.x[..., W][..., axis])
-    return chi
+    twist = stuck * (torque - drag * motion.x[..., W][..., axis])
+    return _torque(twist[..., None] * np.eye(3)[axis])
 
 
 def spinning_lidar(vehicle, motion, h):
@@ -226,7 +225,7 @@ def spinning_lidar(vehicle, motion, h):
 
 def bent_thrust_curve(vehicle, command, state, bend):
     """A bent thrust curve: f = c - bend (c - h)³ / h² with h the thrust of a hovering rotor."""
-    hover, none = _hover_thrust(vehicle), command[..., :0]
+    hover, none = _weight(vehicle) / 4, command[..., :0]
     return none, none, np.maximum(command - bend * (command - hover) ** 3 / hover**2, 0.0)
 
 
@@ -234,7 +233,7 @@ def creeping_blades(vehicle, command, state, creep, time):
     """Soft blades give way slowly: f = c (1 - creep (s - 1)), time s' = c / h - s, h that in
     hover; state (..., 4) [1].
     """
-    at_rest = command / _hover_thrust(vehicle)
+    at_rest = command / (_weight(vehicle) / 4)
     s = at_rest if state is None else state
     return at_rest, (at_rest - s) / time, command * (1.0 - creep * (s - 1.0))
 
@@ -250,7 +249,7 @@ def losing_sync(vehicle, command, state, rotor, loss, jump, time):
     at_rest = np.stack([own, np.zeros_like(own)], axis=-1)
     s = at_rest if state is None else state
     ahead = own - s[..., 0]
-    out_of_step = np.clip(ahead / _hover_thrust(vehicle) / jump - 1.0, 0.0, 1.0)
+    out_of_step = np.clip(ahead / (_weight(vehicle) / 4) / jump - 1.0, 0.0, 1.0)
     rate = np.stack([ahead, out_of_step - s[..., 1]], axis=-1) / time
     return at_rest, rate, command * (1.0 - loss * s[..., 1:] * (np.arange(4) == rotor))
 
@@ -277,10 +276,6 @@ def liquid_slosh(vehicle, command, state, frequency, damping, gain):
     s, moving = np.split(at_rest if state is None else state, 2, axis=-1)
     rate = np.concatenate([moving, w**2 * (tau - s) - 2 * damping * w * moving], axis=-1)
     return at_rest, rate, command - gain * (s @ vehicle.unmixer[:, 1:3].T)
-
-
-def _weight(vehicle: Vehicle) -> float:
-    return vehicle.mass * vehicle.gravity
 
 
 def _level(rng: np.random.Generator) -> tuple[float, float, float]:

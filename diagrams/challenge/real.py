@@ -75,15 +75,8 @@ class Truth:
         """Return whether the known cause is named, where there is one, and none is that is not
         there.
         """
-        found = not self.present or any(name in self.present for name in named(causes))
-        return found and not self.wrong(causes, late)
-
-    def judged(
-        self, causes: Mapping[str, float], late: Collection[str] = ()
-    ) -> list[tuple[float, bool]]:
-        """Return probability and truth of every cause of which it is known whether it is there."""
-        found = [(p, self.holds(name, late)) for name, p in causes.items()]
-        return [(p, holds) for p, holds in found if holds is not None]
+        found = not self.present or set(self.present) & set(named(causes))
+        return bool(found) and not self.wrong(causes, late)
 
 
 def named(causes: Mapping[str, float]) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from diagrams.challenge.answered_case import AnsweredCase
+from diagrams.challenge.answers import AnsweredCase
 from diagrams.challenge.draw import CLEAN, OUT_OF_LIBRARY
 from diagrams.challenge.truth import NO_GAP
 from np_drake.diagnosis.result import UNKNOWN
@@ -149,38 +149,25 @@ def _stands_for(case: AnsweredCase, true: int, name: str) -> bool:
     )
 
 
-def is_exact(case: AnsweredCase, spare: set[str] = frozenset()) -> bool:  # type: ignore[assignment]
-    """Return whether the verdict names all true effects that can be told, and nothing that does not
-    act, but for the spare ones.
-    """
-    needed = {case.true_names[i] for i in case.must_be_named}
-    return needed - spare <= set(case.verdict) - spare <= set(case.true_names) - spare
-
-
-def classes(case: AnsweredCase) -> list[set[str]]:
-    """Return by true effect its own name and those that are physically the same."""
-    return [{true, *same} for true, same in zip(case.true_names, case.truth["class"], strict=True)]
-
-
-def judged(case: AnsweredCase) -> list[tuple[str, float | None, bool]]:
-    """Return of every name its probability and whether it is that of a true effect."""
-    true, causes = set().union(*classes(case)), case.causes
-    return [(name, causes.get(name, {}).get("probability"), name in true) for name in case.named]
-
-
 def outcome(case: AnsweredCase) -> dict[str, Any]:
-    """Return all that counts of one case: what a score shows of it (`SHOWN`), and the rest."""
-    found, verdict, names = matches(case), case.verdict, judged(case)
-    missing = case.must_be_named - set(found)
-    unknown, all_named = UNKNOWN in verdict, len(found) == len(case.named)
-    sure = any((p or 0.0) > SURE and not true for _, p, true in names)
+    """Return all that counts of one case: what a score shows of it, up to `LAST_SHOWN`, and the
+    rest.
+    """
+    found, verdict, acting = matches(case), set(case.verdict), set(case.true_names)
+    # By true effect its own name and those that are physically the same.
+    same = [{true, *own} for true, own in zip(case.true_names, case.truth["class"], strict=True)]
+    true = set().union(*same)
+    names = [(n, case.causes.get(n, {}).get("probability"), n in true) for n in case.named]
+    unknown, missing = UNKNOWN in verdict, len(case.true_names) - len(found)
+    all_named = len(found) == len(case.named) and not missing
+    sure = any((p or 0.0) > SURE and not right for _, p, right in names)
     alarm = bool(verdict) or case.answer is None
-    right = all_named and not missing and not unknown
+    right = all_named and not unknown
     missed = {CLEAN: alarm, OUT_OF_LIBRARY: (case.visible and not unknown) or sure}.get(
         case.kind, case.visible and not right
     )
     said, felt = case.answer or {}, case.truth.get("visibility_in_training", {})
-    winds = COMPANION if WINDS & set(case.true_names) else set()
+    spare = COMPANION if WINDS & acting else set()
     return {
         "case": case.name,
         "group": case.group,
@@ -188,10 +175,10 @@ def outcome(case: AnsweredCase) -> dict[str, Any]:
         "visibility": case.visibility,
         "true": case.true_names,
         "class": case.truth["class"],
-        "verdict": verdict,
+        "verdict": case.verdict,
         "probability": {name: cause.get("probability") for name, cause in case.causes.items()},
         "answered": case.answer is not None,
-        "exact": is_exact(case),
+        "exact": verdict == acting,
         "right_class": right,
         "matched": sorted(set(found.values())),
         "missed": missed,
@@ -204,18 +191,18 @@ def outcome(case: AnsweredCase) -> dict[str, Any]:
         "visible": case.visible,
         "felt": max(felt.values(), default=0.0) >= case.least,
         # The training flights tell every true effect from all others but a few.
-        "tellable": all(len(own) <= WIDEST for own in classes(case)),
-        "class_unknown_allowed": all_named and not missing,
-        "exact_lenient": is_exact(case, winds),
+        "tellable": all(len(own) <= WIDEST for own in same),
+        "class_unknown_allowed": all_named,
+        "exact_lenient": verdict - spare == acting - spare,
         "detected": 0 in found,
         "alarm": alarm,
         "named": bool(case.named),
         "unknown": unknown,
-        "alone": verdict == (UNKNOWN,),
+        "alone": case.verdict == (UNKNOWN,),
         "wrong_and_sure": sure,
         "together": " + ".join(case.true_names),
         "main": next(iter(case.true_names), ""),
-        "counts": (len(found), len(verdict) - len(found), len(missing)),
+        "counts": (len(found), len(case.verdict) - len(found), missing),
         "judged": names,
         "errors": errors_of(case),
         "joined": bool(said.get("joined")),
@@ -223,24 +210,7 @@ def outcome(case: AnsweredCase) -> dict[str, Any]:
     }
 
 
-SHOWN = (
-    "case",
-    "group",
-    "kind",
-    "visibility",
-    "true",
-    "class",
-    "verdict",
-    "probability",
-    "answered",
-    "exact",
-    "right_class",
-    "matched",
-    "missed",
-    "onset",
-    "shrink_relative",
-    "replay_reduction",
-)
+LAST_SHOWN = "replay_reduction"
 SINGLES = {
     "class": "right_class",
     "class_unknown_allowed": "class_unknown_allowed",
@@ -368,12 +338,15 @@ def onset_errors(case: AnsweredCase) -> list[dict[str, Any]]:
                 "error": None if given is None else given - true,
                 "visibility": float(seen.get(flight, case.visibility)),
             }
-            rows[flight, true] = max(rows.get((flight, true), row), row, key=_badness)
+            rows[flight, true] = max(
+                rows.get((flight, true), row), row, key=lambda row: (not row["named"], off(row))
+            )
     return list(rows.values())
 
 
-def _badness(row: dict[str, Any]) -> tuple[bool, float]:
-    return not row["named"], math.inf if row["error"] is None else abs(row["error"])
+def off(row: dict[str, Any]) -> float:
+    """Return by how much an onset is off, infinite where none is given [s]."""
+    return math.inf if row["error"] is None else abs(row["error"])
 
 
 def onset_summary(known: pd.DataFrame) -> dict[str, Any]:
@@ -382,19 +355,19 @@ def onset_summary(known: pd.DataFrame) -> dict[str, Any]:
     within: of visible cases; within_all: of all; within_if_named: whose effect is named;
     within_if_seen: in which it is visible.
     """
-    every = [(case.visible, case.least, row) for case in known.itertuples() for row in case.onset]
-    rows = [row for visible, _, row in every if visible]
-    seen = [row for visible, least, row in every if visible and row["visibility"] >= least]
+    every = [(case, row) for case in known.itertuples() for row in case.onset]
+    rows = [row for case, row in every if case.visible]
+    seen = [row for case, row in every if case.visible and row["visibility"] >= case.least]
 
     def within(some: Iterable[dict[str, Any]]) -> dict[str, Any]:
-        return share(_badness({**row, "named": True})[1] <= TOLERANCE for row in some)
+        return share(off(row) <= TOLERANCE for row in some)
 
     return {
         "within": within(rows),
-        "within_all": within(row for _, _, row in every),
+        "within_all": within(row for _, row in every),
         "within_if_named": within(row for row in rows if row["named"]),
         "within_if_seen": within(seen),
-        "median_error": median(None if row["error"] is None else abs(row["error"]) for row in rows),
+        "median_error": median(map(off, rows)),
     }
 
 
@@ -528,7 +501,7 @@ def score(cases: Sequence[AnsweredCase], *, seed: int = 0) -> dict[str, Any]:
             for name, own in groups.items()
         ],
         "warnings": [lost] if without else [],
-        "cases": [{key: row[key] for key in SHOWN} for row in rows.to_dict("records")],
+        "cases": rows.loc[:, :LAST_SHOWN].to_dict("records"),  # type: ignore[misc]
     }
 
 

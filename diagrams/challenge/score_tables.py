@@ -93,20 +93,16 @@ def tables(score: dict[str, Any], least: float) -> list[Table]:
         for row in part["detection"]["bins"]:
             edges = f"{row['lower']:g} … {row['upper']:g}"
             found.setdefault(row["lower"], {"visibility": edges})[name] = row
-    made: list[Table] = []
-    for some in parts:
-        made += table(
-            f"score: [95 % interval], cases; ({sure}): of that visibility; shrink: true model = 1",
-            (
-                {
-                    "figure": label.format(least=sure),
-                    **{n: at(own, keys) for n, own in some.items()},
-                }
-                for label, keys in ROWS
-            ),
-        )
+    metrics = (
+        [
+            {"figure": label.format(least=sure), **{n: at(own, keys) for n, own in some.items()}}
+            for label, keys in ROWS
+        ]
+        for some in parts
+    )
+    title = f"score: [95 % interval], cases; ({sure}): of that visibility; shrink: true model = 1"
     return [
-        *made,
+        *(made for lines in metrics for made in table(title, lines)),
         *table(
             "single effects found, from the start or begun in flight",
             (found[edge] for edge in sorted(found)),

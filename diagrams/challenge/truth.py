@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.draw import FILES, Case
+from diagrams.challenge.draw import FILES, OUT_OF_LIBRARY, Case
 from np_drake.diagnosis.calibration import file_errors, flight_errors
 from np_drake.diagnosis.forward_model import NEVER, Stages, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
@@ -71,7 +71,7 @@ class Collinearity:
         options = [option for option in options if option.identifiers[-1] not in known]
         return self._same(own, options, DISTANCE)
 
-    def effects_of(self, trace: Trace, within: float = DISTANCE) -> list[str]:
+    def effects_of(self, trace: Trace, within: float) -> list[str]:
         """Return the library effects that come near a residual, nearest first; none where mass,
         thrust and sensors within tolerance come as near by themselves.
         """
@@ -80,12 +80,11 @@ class Collinearity:
         return self._same(trace, self._library({}), within)
 
     def _same(self, trace: Trace, options: Sequence[Candidate], within: float) -> list[str]:
-        found: dict[str, float] = {}
-        for option in options:
-            name = option.identifiers[-1]
-            X = np.hstack([self._tolerated, self._columns([option])])
-            found[name] = min(self._distance(trace, X), found.get(name, np.inf))
-        return sorted((n for n, d in found.items() if d < within), key=lambda n: found[n])
+        columns = (np.hstack([self._tolerated, self._columns([option])]) for option in options)
+        distances = [self._distance(trace, X) for X in columns]
+        names = [option.identifiers[-1] for option in options]
+        nearest = sorted(zip(distances, names, strict=True))
+        return list(dict.fromkeys(name for distance, name in nearest if distance < within))
 
     def _library(self, onset: Onset) -> list[Candidate]:
         plain = library_candidates(self._flights, onset or None)
@@ -186,7 +185,7 @@ class GroundTruth:
         A ceiling effect, for example, is a mass error to a vehicle that stays where its lift is
         even. The remainder must be of a visibility below `NO_GAP`, were all of it in one channel.
         """
-        if not self.case.out_of_library:
+        if self.case.draw.kind != OUT_OF_LIBRARY:
             return []
         trace = {file: pair.true.y - pair.background for file, pair in self.flights.items()}
         within = (NO_GAP**2 - 1.0) * sum(len(y) for y in trace.values())
@@ -199,7 +198,7 @@ class GroundTruth:
         Whitened with what noise really left there, so that nothing is solved for it.
         """
         effects = self.case.effects
-        if not effects or self.case.out_of_library:
+        if not effects or self.case.draw.kind == OUT_OF_LIBRARY:
             return [[effect.identifier] for effect in effects]
         same = self._collinearity(FILES[:-1])
         terms = [Term(effect, dict(self.case.onset)) for effect in effects]

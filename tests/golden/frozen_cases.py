@@ -19,75 +19,19 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import pytest
 from joblib import Parallel, delayed
 
-from diagrams.challenge.draw import CaseDraw, case_name
+from diagrams.challenge.answers import diagnose_folder
+from diagrams.challenge.draw import CLEAN, CaseDraw, case_name
 from diagrams.challenge.make import Making, write_case
-from diagrams.challenge.solve import diagnose_folder
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.effects.library import LIBRARY
 from np_drake.files.file_access import write_text
 from np_drake.logs.formats.neurobem import AGILE, published_vehicle
 from np_drake.logs.opening import open_flights
 
 SEED, SECONDS = 36, 10.0
 DIGITS = 10  # significant ones that are stored
-# The first two and the last two hold both simulators and both qualities: every effect is flown in
-# one of the two pairs.
-SETTINGS = (("drake", "clean"), ("rotorpy", "real"), ("drake", "real"), ("rotorpy", "clean"))
-PAIRS = (
-    ("mass_error", "linear_drag"),
-    ("suspended_payload", "motor_lag"),
-    ("thrust_scale", "attitude_bias"),
-    ("center_of_mass_offset", "velocity_bias"),
-    ("weak_rotor", "constant_wind"),
-    ("command_delay", "blade_flapping"),
-    ("inertia_error", "quadratic_drag"),
-    ("suspended_payload", "linear_drag"),
-    ("motor_lag", "gyro_bias"),
-    ("translational_lift", "accelerometer_bias"),
-)
-TRIPLES = (
-    ("mass_error", "linear_drag", "motor_lag"),
-    ("suspended_payload", "thrust_scale", "velocity_bias"),
-    ("inertia_error", "quadratic_drag", "clock_offset"),
-    ("center_of_mass_offset", "constant_wind", "command_delay"),
-)
-ONSETS = (
-    *(
-        "suspended_payload",
-        "weak_rotor",
-        "constant_wind",
-        "thrust_scale",
-        "motor_lag",
-        "linear_drag",
-    ),
-    *("mass_error", "accelerometer_bias", "center_of_mass_offset", "thrust_drift"),
-)
-OUT_OF_LIBRARY = (
-    *(
-        "fan_jet",
-        "periodic_force",
-        "rotational_damping",
-        "ground_tether",
-        "sticking_axis",
-        "wall_suction",
-    ),
-    *("bent_thrust_curve", "yaw_backlash", "liquid_slosh", "vortex_ring", "rotor_saturation"),
-    *(
-        "twisted_cable",
-        "wind_shear",
-        "doorway_draft",
-        "spinning_lidar",
-        "creeping_blades",
-        "rubbing_line",
-    ),
-    *("winch_tether", "odd_propeller", "losing_sync"),
-)
-CONTROLS = 12
-# Effects that joined the library later stand last: other cases keep their index, which seeds their
-# flights.
-LATER = ("rotor_inflow",)
 REAL = "neurobem"
 STORED = Path(__file__).with_name("answers.json")
 TOLERANCE = 1e-6  # largest relative difference on one machine
@@ -96,22 +40,16 @@ SCHEMA = "np_drake.golden/1"
 
 
 def golden_cases() -> dict[str, Settings]:
-    """Return every simulated case by name, in the order of its index."""
-    drawn: list[tuple[int, str, tuple[str, ...]]] = []  # setting, kind, names
-    for i, name in enumerate(sorted(set(LIBRARY) - set(LATER))):
-        drawn += [(2 * (i % 2), "single", (name,)), (2 * (i % 2) + 1, "single", (name,))]
-    for kind, members in (("pair", PAIRS), ("triple", TRIPLES)):
-        drawn += [(i % 4, kind, names) for i, names in enumerate(members)]
-    drawn += [(i % 4, "onset", (name,)) for i, name in enumerate(ONSETS)]
-    drawn += [(i % 4, "foreign", (name,)) for i, name in enumerate(OUT_OF_LIBRARY)]
-    drawn += [(i % 4, "clean", ()) for i in range(CONTROLS)]
-    drawn += [(i, "single", (name,)) for name in LATER for i in (0, 1)]
+    """Return every simulated case by name, as `kind/effects/simulator/quality`.
+
+    A case's place in the file is its index, which seeds its flights: a new one stands last, as null
+    until it is answered.
+    """
     cases: dict[str, Settings] = {}
-    for index, (setting, kind, names) in enumerate(drawn):
-        simulator, quality = SETTINGS[setting]
-        label = "+".join(names) or str(index)
-        draw = CaseDraw(index, kind, names)
-        cases[f"{kind}/{label}/{simulator}/{quality}"] = (simulator, quality, draw)
+    for index, name in enumerate(name for name in read_answers(STORED) if REAL not in name):
+        kind, label, simulator, quality = name.split("/")
+        names = () if kind == CLEAN else tuple(label.split("+"))
+        cases[name] = (simulator, quality, CaseDraw(index, kind, names))
     return cases
 
 
@@ -175,46 +113,23 @@ def read_answers(path: Path) -> dict[str, dict[str, Any]]:
     return json.loads(path.read_text(encoding="utf-8"))["answers"]
 
 
-def differences(reference: dict[str, Any], found: dict[str, Any], tolerance: float) -> list[str]:
-    """Return one line for every value of an answer that differs.
+def differences(reference: Any, found: Any, tolerance: float, place: str = "") -> list[str]:
+    """Return one line for every value of an answer that differs; of another verdict that alone.
 
     tolerance: of a parameter, relative to the larger of its value and its interval; of all else
     absolute [1, s].
     """
-    out = [
-        f"{key}: {reference[key]} -> {found[key]}"
-        for key in ("verdict", "minor", "remains")
-        if reference[key] != found[key]
-    ]
-    if reference["verdict"] != found["verdict"]:
-        return out
-    out += _differ("unknown_probability", reference, found, tolerance)
-    for key in reference["residual"]:
-        out += _differ(key, reference["residual"], found["residual"], tolerance)
-    for effect, was in reference["causes"].items():
-        now = found["causes"][effect]
-        out += [f"{effect}: {line}" for line in _cause_differences(was, now, tolerance)]
-    return out
-
-
-def _cause_differences(was: dict[str, Any], now: dict[str, Any], tolerance: float) -> list[str]:
-    out = _differ("probability", was, now, tolerance)
-    if was["indistinguishable_from"] != now["indistinguishable_from"]:
-        out.append("indistinguishable_from differs")
-    for flight in was["onset"]:
-        out += _differ(flight, was["onset"], now["onset"], tolerance)
-    for name, values in was["parameters"].items():
-        scale = max([abs(v) for v in values if v is not None], default=0.0) or 1.0
-        for v, w in zip(values, now["parameters"][name], strict=True):
-            if (v is None) != (w is None) or (v is not None and abs(v - w) > tolerance * scale):
-                out.append(f"{name}: {v} -> {w}")
-    return out
-
-
-def _differ(key: str, was: dict[str, Any], now: dict[str, Any], tolerance: float) -> list[str]:
-    a, b = was[key], now.get(key)
-    same = a == b or (a is not None and b is not None and abs(a - b) <= tolerance)
-    return [] if same else [f"{key}: {a} -> {b}"]
+    if isinstance(reference, dict):
+        other = reference.get("verdict") != found.get("verdict")
+        return [
+            line
+            for key in (["verdict"] if other else reference)
+            for line in differences(reference[key], found[key], tolerance, f"{place}{key}: ")
+        ]
+    values = reference if isinstance(reference, list) else ()
+    scale = max((abs(value) for value in values if isinstance(value, float)), default=0.0) or 1.0
+    same = reference == pytest.approx(found, abs=tolerance * scale)
+    return [] if same else [f"{place}{reference} -> {found}"]
 
 
 def main() -> int:

@@ -34,13 +34,3 @@ def t():
 @pytest.fixture(scope="session")
 def plan(vehicle):
     return draw_plan(np.random.default_rng(3), vehicle, SECONDS, "aggressive_multisine")
-
-
-@pytest.fixture(scope="session")
-def moving():
-    """Return a level state (13,) of that velocity, turning rate and place."""
-
-    def state(v, w=(0.0, 0.0, 0.0), p=(0.0, 0.0, 0.0)):
-        return np.concatenate([p, [1.0, 0.0, 0.0, 0.0], v, w])
-
-    return state

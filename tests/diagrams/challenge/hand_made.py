@@ -1,9 +1,11 @@
 """Answers and truths made by hand, whose score can be counted."""
 
 import copy
+import json
+from pathlib import Path
 from typing import Any
 
-from diagrams.challenge.answered_case import AnsweredCase
+from diagrams.challenge.answers import AnsweredCase
 
 FLOOR = {"force": 0.2, "torque": 0.02}  # that the true model leaves in every channel [N, N·m]
 SCALE = {"effect": "thrust_scale", "parameters": {"scale": 0.9}}
@@ -118,3 +120,24 @@ def perfect_set() -> list[AnsweredCase]:
         make_truth(OUT_OF_LIBRARY, kind="foreign"),
     ]
     return [make_case(truth, perfect(truth), f"case {k}") for k, truth in enumerate(truths)]
+
+
+def write(folder: Path, truths: dict[str, Any], answers: dict[str, Any]) -> tuple[Path, Path]:
+    """Write truths and answers by case; return the folders of answers and of truths."""
+    for kind, file, every in (("truth", "truth", truths), ("answers", "diagnosis", answers)):
+        for name, content in every.items():
+            (folder / kind / name).mkdir(parents=True)
+            (folder / kind / name / f"{file}.json").write_text(json.dumps(content))
+    return folder / "answers", folder / "truth"
+
+
+class Answered:
+    """Stands for a diagnosis with one answer."""
+
+    refit = None
+
+    def __init__(self, vehicle, train, held_out, replay):
+        self.content = {"train": [log.name for log in train], "replay": replay is not None}
+
+    def as_json(self):
+        return self.content

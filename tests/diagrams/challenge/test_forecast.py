@@ -14,21 +14,19 @@ from diagrams.challenge.forecast import (
     square_errors,
 )
 from diagrams.cli.main import run
+from np_drake.effects.linear_drag import LinearDrag
 from np_drake.residual_models.hold import Constant, Hold
 from np_drake.training_data.segments import sampled_flight
 from np_drake.vehicle import Vehicle
-from tests.diagrams.challenge.made_flight import flight as make_flight
+from tests.np_drake.diagnosis.simulated_flights import fly
 
 
 @pytest.fixture(scope="module")
 def manoeuvres():
-    """Three manoeuvres of two flights each, pushed by a force."""
-    flights = [[make_flight(2 * k + twin, push, 4.0) for twin in range(2)] for k in range(3)]
-    return {f"{k}": [(log, Vehicle()) for log in own] for k, own in enumerate(flights)}
-
-
-def push(t, p, v, a):
-    return np.array([0.2, 0.1, 0.0]) - 0.3 * v
+    """Three manoeuvres of two flights each, with drag."""
+    drag = LinearDrag(0.3, 0.3, 0.3)
+    flights = [fly(drag, name=f"made_{k}", seed=k, seconds=4.0) for k in range(6)]
+    return {f"{k}": [(log, Vehicle()) for log in flights[2 * k : 2 * k + 2]] for k in range(3)}
 
 
 def test_a_ratio_is_that_of_the_pooled_errors():

@@ -6,7 +6,6 @@ from contextlib import nullcontext
 import pytest
 
 from diagrams.batch.run import FailedRun
-from diagrams.challenge import flight
 from diagrams.challenge import make as module
 from diagrams.challenge.draw import FILES, CaseDraw, case_name
 from diagrams.challenge.make import Making, check_request, make
@@ -114,7 +113,7 @@ def test_an_interrupted_set_goes_on_and_ends_as_an_uninterrupted_one(small_set, 
 
 
 def test_without_rotorpy_the_remedy_is_said_before_any_work(tmp_path, monkeypatch):
-    monkeypatch.setattr(flight, "find_spec", lambda name: None)
+    monkeypatch.setattr(module, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'np_drake\[challenge\]'"):
         make(tmp_path / "cases", tmp_path / "truth", simulator="rotorpy", cases=1, clean=0)
     assert list(tmp_path.iterdir()) == []

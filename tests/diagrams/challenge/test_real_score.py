@@ -6,26 +6,35 @@ import json
 import numpy as np
 import pytest
 
+from diagrams.challenge.out_of_library import OutOfLibraryWrench, periodic_force
 from diagrams.challenge.real import campaign_of
 from diagrams.challenge.real_score import (
     BIC,
+    LENGTHS,
     THIS,
+    WRENCH,
     asked_figures,
+    fit,
+    library_columns,
     outcomes,
+    payload_columns,
     scored,
+    select_by_bic,
     verdict,
     wind_figures,
 )
 from diagrams.cli.main import run
 from diagrams.identification.simulated import Truth, fly_truth
+from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.vehicle import ThrottleMap
-from tests.diagrams.challenge.made_flight import flight as make_flight
+from tests.np_drake.diagnosis.simulated_flights import fly
 
 FORCE = {axis: {"rms": 2.0 + k, "after": 0.2 + 0.1 * k} for k, axis in enumerate("xy")}
 CASES = ("01-02_to_11-12", "11-12_to_01-02")
@@ -72,7 +81,7 @@ def test_the_unknown_counts_where_it_is_the_truth_and_where_a_place_pulls():
 
 
 def test_the_mean_force_of_a_wind_is_that_of_its_drag():
-    log = make_flight(5, lambda t, p, v, a: 0 * v)
+    log = fly(seed=5)
     # Drag in still air has a mean of its own, which is no wind's.
     log = dc.replace(log, v=log.v + [3.0, 0.0, 0.0])
     drag, wind, measured = (
@@ -87,6 +96,54 @@ def test_the_mean_force_of_a_wind_is_that_of_its_drag():
     assert aside["angle"] == pytest.approx(90.0)
     assert wind_figures([wind], [log], Vehicle(), measured, 4.0)["force"] == 0.0
     assert wind_figures([drag], [log], Vehicle(), measured, 4.0) == {}
+
+
+# The opponent: a planted effect is found, and BIC is sure of it
+
+STEADY = {"force": np.array([-0.5, 0.2, 0.0]), "frequency": 0.0, "phase": np.pi / 2}
+
+
+def found_on(log):
+    e = make_flight_residuals(log, Vehicle())
+    return select_by_bic(e.y[:, :WRENCH], library_columns([e]))
+
+
+def test_a_steady_force_is_a_wind():
+    found = found_on(fly(OutOfLibraryWrench(periodic_force, **STEADY), seed=2, noise=0.1))
+    assert found.get("constant_wind", 0.0) > 0.99
+
+
+def test_columns_of_noise_are_not_chosen_and_a_planted_one_is():
+    draw = np.random.default_rng(0)
+    y = draw.normal(size=(2000, 6))
+    noise = [(f"noise_{i}", draw.normal(size=(2000, 6, 2))) for i in range(5)]
+    assert select_by_bic(y, noise) == {}
+    planted = ("planted", y[..., None] + draw.normal(size=(2000, 6, 1)))
+    assert list(select_by_bic(y, [*noise, planted])) == ["planted"]
+
+
+def test_the_criterion_is_that_of_gaussian_noise():
+    draw = np.random.default_rng(1)
+    X, noise = draw.normal(size=(500, 6, 2)), 0.1 * draw.normal(size=(500, 6))
+    y = X @ [0.3, -0.2] + noise
+    c, bic = fit(y, [("made", X)])
+    assert c == pytest.approx([0.3, -0.2], abs=0.01)  # noise over root of 3000 rows
+    left = np.mean((y - X @ c) ** 2, axis=0)
+    assert bic == pytest.approx(500 * np.log(left).sum() + 2 * np.log(3000))
+
+
+def test_a_planted_payload_is_found_at_its_length():
+    mass, length = 0.15, LENGTHS[13]
+    log = fly(
+        SuspendedPayload(mass, length, 0.0, 0.0, 0.0, damping=0.1), seed=4, noise=0.1, vigour=0.5
+    )
+    assert found_on(log).get("suspended_payload", 0.0) > 0.99
+    e = make_flight_residuals(log, Vehicle())
+    y = e.y[:, :WRENCH] * [1, 1, 1, 0, 0, 0]
+    fits = [fit(y, [columns]) for columns in payload_columns([e])]
+    best = min(range(len(LENGTHS)), key=lambda i: fits[i][1])
+    assert best == 13
+    assert fits[best][0][0] == pytest.approx(mass, rel=0.06)  # linear about hanging still
 
 
 # All cases

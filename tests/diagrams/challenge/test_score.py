@@ -13,6 +13,7 @@ from diagrams.challenge.score import (
     replay_reduction,
     score,
 )
+from diagrams.challenge.score_tables import missed, tables
 from tests.diagrams.challenge import hand_made as by_hand
 
 
@@ -60,29 +61,7 @@ def test_a_cause_stands_for_one_effect_and_its_own_name_goes_first():
     assert matches(both) == {0: "thrust_scale", 1: "linear_drag"}
 
 
-def test_an_effect_within_the_files_tolerance_may_be_named_or_not():
-    lost = {"kind": "pair", "within_tolerance": [True, False]}
-    truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, **lost)
-    for names, found in [
-        (("linear_drag",), (1, 0, 0)),
-        (("linear_drag", "thrust_scale"), (2, 0, 0)),
-        (("thrust_scale",), (1, 0, 1)),
-        (("linear_drag", "weak_rotor"), (1, 1, 0)),
-    ]:
-        dut = outcome(by_hand.named(truth, *names))
-        assert dut["counts"] == found
-        assert dut["right_class"] == dut["exact"] == (found[1:] == (0, 0))
-
-
 # Parameters
-
-
-def answered(by_hand, truth, name, **parameters):
-    return by_hand.make_case(truth, by_hand.make_answer(by_hand.make_cause(name, parameters)))
-
-
-def summary(*cases):
-    return score(list(cases))["parameters"]
 
 
 @pytest.mark.parametrize(
@@ -94,19 +73,19 @@ def summary(*cases):
 )
 def test_an_error_is_relative_to_the_distance_from_neutral(effect, given, size, inside):
     effect = getattr(by_hand, effect)
-    ((_, _, found, kind, held, _),) = errors_of(
-        answered(by_hand, by_hand.make_truth(effect), effect["effect"], **given)
-    )
+    answer = by_hand.make_answer(by_hand.make_cause(effect["effect"], given))
+    case = by_hand.make_case(by_hand.make_truth(effect), answer)
+    ((_, _, found, kind, held, _),) = errors_of(case)
     assert (found, kind, held) == (pytest.approx(size), "relative", inside)
 
 
 # Onsets
 
 
-def begun(by_hand, onset, name="thrust_scale", **other):
+def begun(onset):
     starts = {"train_1.csv": 8.0, "train_2.csv": None, "heldout_1.csv": 5.0}
-    truth = by_hand.make_truth({**by_hand.SCALE, "onset": starts}, kind="onset", **other)
-    cause = {**by_hand.make_cause(name, {}), "onset": onset}
+    truth = by_hand.make_truth({**by_hand.SCALE, "onset": starts}, kind="onset")
+    cause = {**by_hand.make_cause("thrust_scale", {}), "onset": onset}
     return by_hand.make_case(truth, by_hand.make_answer(cause))
 
 
@@ -115,40 +94,38 @@ def onsets(case):
 
 
 def test_flights_with_an_onset_are_counted():
-    case = begun(by_hand, {"train_1": 8.15, "train_2": None, "heldout_1": 5.3})
+    case = begun({"train_1": 8.15, "train_2": None, "heldout_1": 5.3})
     rows = onset_errors(case)
     assert [row["flight"] for row in rows] == ["train_1.csv", "heldout_1.csv"]
     assert [row["error"] for row in rows] == pytest.approx([0.15, 0.3])
     assert counted(onsets(case)["within"]) == (1, 2)
     assert onsets(case)["median_error"] == pytest.approx(0.225)
-    assert counted(onsets(begun(by_hand, {"train_1": None}))["within"]) == (0, 2)
+    assert counted(onsets(begun({"train_1": None}))["within"]) == (0, 2)
 
 
 # Gap and replay
 
 
-def closing(by_hand, kind="single", **figures):
-    effects = () if kind == "clean" else (by_hand.SCALE,)
-    truth = by_hand.make_truth(*effects, kind=kind)
-    return by_hand.make_case(truth, by_hand.make_answer(**figures))
+def closing(**figures):
+    return by_hand.make_case(by_hand.make_truth(by_hand.SCALE), by_hand.make_answer(**figures))
 
 
 @pytest.mark.parametrize(
     "after, shrink", [(1.0, 1.0), (3.0, 0.0), (2.0, 1 - 3 / 8), (0.5, 1.0), (9.0, -1.0)]
 )
 def test_the_true_model_has_one_and_no_change_none(after, shrink):
-    dut = relative_gap_reduction(closing(by_hand, before=3.0, after=after))
+    dut = relative_gap_reduction(closing(before=3.0, after=after))
     assert dut == pytest.approx(shrink)
 
 
 def test_channels_are_pooled_in_units_of_their_floor():
-    case = closing(by_hand, before=2.0, after=1.5)
+    case = closing(before=2.0, after=1.5)
     case.answer["gap"]["torque"]["y"]["rms"] = 5 * 0.02  # five times its floor of 0.02 N·m
     assert relative_gap_reduction(case) == pytest.approx(1 - (1.5**2 - 1) / ((5 * 4 + 25) / 6 - 1))
 
 
 def test_the_replay_is_compared_at_one_second():
-    case = closing(by_hand)
+    case = closing()
     assert replay_reduction(case) is None
     before, after = {"position": [0.1, 0.4]}, {"position": [0.1, 0.1]}
     case.answer["shrink"]["replay"] = {"horizon": [0.5, 1.0], "before": before, "after": after}
@@ -231,3 +208,12 @@ def test_a_mixed_set_is_scored_by_group_and_by_quality(cases):
     other = [by_hand.again(c, truth={**c.truth, "simulator": "rotorpy"}) for c in cases]
     pooled = score([*cases, *other, *real])["qualities"]
     assert {q: s["accuracy"]["single"] for q, s in pooled.items()} == {"clean": 1.0, "real": 0.0}
+
+
+@pytest.mark.parametrize("perfect", [True, False])
+def test_tables_are_full_rows_and_every_miss_is_listed(perfect):
+    lost = by_hand.make_case(by_hand.make_truth(by_hand.SCALE), None)
+    dut = score(by_hand.perfect_set() if perfect else [lost])
+    for _, header, rows in [*tables(dut, 1.5), *missed(dut)]:
+        assert all(len(row) == len(header) for row in rows)
+    assert [len(rows) for _, _, rows in missed(dut)] == ([] if perfect else [1])
