@@ -74,7 +74,7 @@ def rotor_speed(vehicle: Vehicle, u: np.ndarray) -> np.ndarray:
     """Return the rotor speed (..., 4) that gives an input; no rotor pulls downwards [rad/s].
 
     Args:
-        u: (..., 4) [f_u, tau_m] [N, N·m].
+        u: (..., 4) [f_u, tau_m], [N, N·m].
     """
     return np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
 

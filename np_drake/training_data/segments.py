@@ -29,8 +29,8 @@ from np_drake.vehicle import Vehicle
 class WrenchSequence:
     """Whole wrench chi and motion zeta of one flight at a fixed step.
 
-    step: time between rows [s].   chi: (n, 6) [force, torque] [N, N·m]; the torque is in body axes.
-    zeta: (n, 6) [velocity, body rates] [m/s, rad/s].   frame: of force and velocity, "world" | "body".
+    step: time between rows [s].   chi: (n, 6) [force, torque], [N, N·m]; the torque is in body axes.
+    zeta: (n, 6) [velocity, body rates], [m/s, rad/s].   frame: of force and velocity, "world" | "body".
     A row with NaN has no label.
     """  # noqa: E501
 

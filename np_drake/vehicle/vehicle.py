@@ -412,7 +412,7 @@ class Vehicle:
 
     @cached_property
     def mixer(self) -> np.ndarray:
-        """Map from rotor thrusts [N] to u = [f_u, tau_m] [N, N·m], (4, 4)."""
+        """Map from rotor thrusts [N] to u = [f_u, tau_m], [N, N·m], (4, 4)."""
         p = np.array(self.rotor_positions, float)
         kappa = self.torque_coefficient / self.thrust_coefficient
         return np.stack(
@@ -421,7 +421,7 @@ class Vehicle:
 
     @cached_property
     def unmixer(self) -> np.ndarray:
-        """Map from u = [f_u, tau_m] [N, N·m] to rotor thrusts [N], (4, 4)."""
+        """Map from u = [f_u, tau_m], [N, N·m], to rotor thrusts [N], (4, 4)."""
         return np.linalg.inv(self.mixer)
 
     @property
