@@ -7,6 +7,7 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import LeafSystem
 
+from np_drake import attitude
 from np_drake.compiled import compiled, turned
 
 
@@ -60,19 +61,6 @@ class VehicleState(LeafSystem):
         output.SetFromVector(x)
 
 
-@compiled
-def _body_acceleration(s, q_start, rates, v_start, out):
-    """Write [a in W, al in B] (6,) from the plant's state and rates of its velocities; places as
-    there.
-    """
-    for k in range(3):
-        out[k] = rates[v_start + 3 + k]
-    w, x, y, z = s[q_start], s[q_start + 1], s[q_start + 2], s[q_start + 3]
-    out[3], out[4], out[5] = turned(
-        w, -x, -y, -z, rates[v_start], rates[v_start + 1], rates[v_start + 2]
-    )
-
-
 class BodyAcceleration(LeafSystem):
     """Spatial acceleration of the quadrotor as [a in W, al in B].
 
@@ -107,10 +95,10 @@ class BodyAcceleration(LeafSystem):
         self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, prerequisites)
 
     def _calc_acceleration(self, context, output) -> None:
-        (q_start, v_start), value = self._starts, np.empty(6)
-        state, rates = self._state_port.Eval(context), self._rates_port.Eval(context)
-        _body_acceleration(state, q_start, rates, v_start, value)
-        output.SetFromVector(value)
+        q_start, v_start = self._starts
+        q = self._state_port.Eval(context)[q_start : q_start + 4]
+        al, a = np.split(self._rates_port.Eval(context)[v_start : v_start + 6], 2)
+        output.SetFromVector(np.concatenate([a, attitude.rotate_back(q, al)]))
 
 
 class RodWrench(LeafSystem):

@@ -18,7 +18,7 @@ from np_drake.compiled import compiled
 from np_drake.mpc.dynamics import Actuation, DiscreteDynamics
 from np_drake.mpc.horizon import Horizon, Preparation, hover_solution
 from np_drake.mpc.objective import LATERAL, Objective, SoftRows, lateral_response, penalty
-from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, SolverFailure
+from np_drake.mpc.problem import MpcConfig, MpcSolution, SolverFailure
 from np_drake.residual_model import Reaction
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
 from np_drake.rotor_input import lag_shares
@@ -100,7 +100,7 @@ class Condensed:
         self.R = by.input_weights(config)
         self.objective = Objective(config, self.R)
         self.dynamics = DiscreteDynamics(vehicle, config.step, by)
-        self._prepare = Preparation(vehicle, config)
+        self.prepare = Preparation(vehicle, config)
         n = config.horizon
         self.size = 4 * n
         self._mixer, self._Q = np.ascontiguousarray(by.mixer, float), config.Q
@@ -118,10 +118,6 @@ class Condensed:
             (first, np.empty((13 * (last - first), 4 * last)))
             for first, last in zip([0, *cuts], cuts, strict=False)
         ]
-
-    def prepare(self, problem: MpcProblem) -> Horizon:
-        """Return the problem made ready for a solver."""
-        return self._prepare(problem)
 
     def clip(self, T: np.ndarray) -> np.ndarray:
         """Return the decision (..., 4) clipped to the hard input set."""

@@ -74,12 +74,9 @@ class PhiModule(nn.Module):
         return z @ last.T
 
     def export(self) -> Phi:
-        """Return the map in numpy, normalised once more with exact singular values."""
-        exact = []
-        for W in self.weights():
-            array = W.detach().numpy()
-            exact.append(array * (self._layer_gain / np.linalg.norm(array, 2)))
-        return Phi(tuple(exact), self._scale.numpy().copy())
+        """Return the map in numpy."""
+        weights = tuple(W.detach().numpy() for W in self.weights())
+        return Phi(weights, self._scale.numpy().copy())
 
 
 def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
