@@ -60,6 +60,13 @@ def rotor_decay(vehicle: Vehicle, step: float) -> float:
     return lag_shares(vehicle.rotor_time_constant, step)[1]
 
 
+def with_rotor_lag(vehicle: Vehicle, lag: float) -> Vehicle:
+    """Return the vehicle with this lag of its rotors [s]; one that its file names takes
+    precedence.
+    """
+    return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
+
+
 def lag_shares(time_constant: float, step: float) -> tuple[float, float]:
     """Return the share of a difference that a first-order lag leaves under a held command: mean
     over a step, and at its end [1].

@@ -209,8 +209,6 @@ def _declare_events(
 
 def _sum_forces(builder: DiagramBuilder, forces: list[OutputPort]) -> OutputPort:
     """Return the port of the sum of generalized forces."""
-    if len(forces) == 1:
-        return forces[0]
     total = builder.AddNamedSystem("forces", Adder(len(forces), forces[0].size()))
     for i, port in enumerate(forces):
         builder.Connect(port, total.get_input_port(i))

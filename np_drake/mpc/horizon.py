@@ -136,11 +136,7 @@ class Preparation:
             )
         x0[3:7] /= norm
         _one_hemisphere(x_ref[:, 3:7], x0[3:7])
-        if np.shape(f.offset) != (self._horizon, WRENCH_SIZE):
-            raise SolverFailure(
-                _wrong_shape("forecast.offset", f.offset, (self._horizon, WRENCH_SIZE))
-            )
-        free, markov = eliminate(f)
+        free, markov = eliminate(f, self._horizon)
         if not (finite(free) and finite(markov)):
             raise SolverFailure(
                 "MPC: the forecast overflows within the horizon; its A must be stable."
@@ -151,13 +147,13 @@ class Preparation:
         return Horizon(x0, x_ref, u_ref, F.T @ F, F, free, markov, acting, f.reaction)
 
 
-def eliminate(f: WrenchForecast) -> tuple[np.ndarray, np.ndarray]:
-    """Return (free, markov) of `Horizon`.
+def eliminate(f: WrenchForecast, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return (free, markov) of `Horizon`, of n stages.
 
     Only C A^j [B z] is needed, so K leaves the problem; the reaction stays.
     Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
     """
-    n, K = len(f.offset), np.size(f.z)
+    K = np.size(f.z)
     shapes = {"A": (K, K), "B": (K, WRENCH_SIZE), "C": (WRENCH_SIZE, K), "z": (K,)}
     free = _checked("forecast.offset", f.offset, (n, WRENCH_SIZE))
     A, B, C, z = (
@@ -175,15 +171,11 @@ def _checked(name: str, value: np.ndarray, shape: tuple[int, ...]) -> np.ndarray
     Raises: SolverFailure: if its shape is another or an entry is not finite.
     """
     if np.shape(value) != shape:
-        raise SolverFailure(_wrong_shape(name, value, shape))
+        raise SolverFailure(f"MPC: {name} must have shape {shape}; got {np.shape(value)}.")
     numbers = np.array(value, float, order="C")
     if not finite(numbers):
         raise SolverFailure(f"MPC: {name} must be finite; got NaN or infinity.")
     return numbers
-
-
-def _wrong_shape(name: str, value: np.ndarray, shape: tuple[int, ...]) -> str:
-    return f"MPC: {name} must have shape {shape}; got {np.shape(value)}."
 
 
 @compiled

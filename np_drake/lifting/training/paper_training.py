@@ -313,6 +313,9 @@ class PaperTrainer:
         with torch.no_grad():
             self.C.copy_(self._best_readout(self.phi(self._chi)))
         self.optimiser = torch.optim.Adam([*self.phi.raw, self.C], lr=config.learning_rate)
+        self._rate = torch.optim.lr_scheduler.CosineAnnealingLR(
+            self.optimiser, max(config.epochs, 1), config.learning_rate / 10
+        )
         self.epoch, self.history = 0, list[float]()
 
     def run_epoch(self) -> float:
@@ -320,17 +323,14 @@ class PaperTrainer:
         loss.
         """
         order = np.random.default_rng([self.config.seed, self.epoch]).permutation(len(self._chi))
-        fraction = self.epoch / max(self.config.epochs, 1)
-        rate = self.config.learning_rate * (0.55 + 0.45 * np.cos(np.pi * min(fraction, 1.0)))
         losses = []
         self._fit_priors()
-        for group in self.optimiser.param_groups:
-            group["lr"] = rate
         for start in range(0, len(order), self.config.batch):
             batch = torch.from_numpy(order[start : start + self.config.batch])
             loss = self.loss(self._chi[batch], self._zeta[batch])
             descend_once(self.optimiser, loss)
             losses.append(loss.item())
+        self._rate.step()
         self.epoch += 1
         self.history.append(float(np.mean(losses)))
         return self.history[-1]

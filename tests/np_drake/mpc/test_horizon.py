@@ -26,7 +26,7 @@ def test_the_eliminated_system_forecasts_what_the_lifted_one_does(K, N, seed):
         rng.normal(size=(N, 6)),
     )
     zeta = rng.normal(size=(N, 6))
-    free, markov = eliminate(dut)
+    free, markov = eliminate(dut, N)
     assert markov.shape == (6, 6 * (N - 1) if K else 0)
     chi = free.copy()
     for i in range(1, N if K else 1):
