@@ -60,16 +60,11 @@ class CommandBuffer(LeafSystem):
         offset = min(max(dead_time - periods * period, SOONEST), period - SOONEST) + _OFF_GRID
         self._command_port = self.DeclareVectorInputPort("command", self._size)
         state = self.DeclareDiscreteState(BasicVector(np.tile(resting, periods + 1)))
-        self.DeclareVectorOutputPort(
-            "delayed", self._size, self._calc_delayed, self._prerequisites(state)
-        )
+        needed = {self.discrete_state_ticket(state)}
+        if onset > -math.inf:
+            needed |= {self.time_ticket(), self._command_port.ticket()}
+        self.DeclareVectorOutputPort("delayed", self._size, self._calc_delayed, needed)
         self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self._update_readings)
-
-    def _prerequisites(self, state) -> set:
-        stored = {self.discrete_state_ticket(state)}
-        if self._onset == -math.inf:
-            return stored
-        return {*stored, self.time_ticket(), self._command_port.ticket()}
 
     def _update_readings(self, context, discrete_state) -> None:
         readings = context.get_discrete_state(0).value()

@@ -107,17 +107,12 @@ def _initial_weights(sizes: list[int], generator: torch.Generator) -> list[torch
     step ahead on a real flight the error is 0.8 of persistence's this way, and 8 times it from a
     plain random start.
     """
-    weights = []
-    for layer, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
+    weights, eye = [], torch.eye(6, dtype=torch.float64)
+    between = [torch.eye(12, dtype=torch.float64)] * (len(sizes) - 3)
+    carriers = [torch.cat([eye, -eye]), *between, torch.cat([eye, -eye], dim=1)]
+    for (inputs, outputs), carrier in zip(itertools.pairwise(sizes), carriers, strict=False):
         raw = torch.randn(outputs, inputs, generator=generator, dtype=torch.float64)
         raw = raw / torch.linalg.matrix_norm(raw, 2)
-        eye = torch.eye(6, dtype=torch.float64)
-        if layer == 0:
-            carrier = torch.cat([eye, -eye])
-        elif layer < len(sizes) - 2:
-            carrier = torch.eye(12, dtype=torch.float64)
-        else:
-            carrier = torch.cat([eye, -eye], dim=1)
         raw[: len(carrier)] = 0.0
         raw[: len(carrier), : carrier.shape[1]] = carrier
         weights.append(raw)
