@@ -69,7 +69,7 @@ def paper(dithered):
     return train([dithered.segment], CONFIG)
 
 
-def test_the_model_is_what_theorem_1_assumes(paper, dithered, lemniscate):
+def test_the_model_is_what_theorem_1_assumes(paper, lemniscate):
     model = paper.model
     assert paper.loss[-1] < paper.loss[0]
     assert (model.configuration, model.system.K) == (PAPER, 24)
@@ -77,12 +77,6 @@ def test_the_model_is_what_theorem_1_assumes(paper, dithered, lemniscate):
     assert model.system.spectral_radius < 1.0
     error = model.encoder(lemniscate.chi) @ model.system.C.T - lemniscate.chi
     assert np.sqrt(np.mean(error[:, :3] ** 2)) < 0.03  # [N] of a payload's 2.5 N
-    again = train([dithered.segment], CONFIG)
-    assert again.loss == paper.loss
-    for name in "ABC":
-        np.testing.assert_array_equal(
-            getattr(again.model.system, name), getattr(model.system, name)
-        )
 
 
 def test_a_window_fit_is_ridge_regression_toward_the_prior():
