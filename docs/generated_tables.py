@@ -3,8 +3,7 @@ as MathML, which browsers show without a script and without a network; adds the 
 commands.
 
 A mark is a comment of HTML: `effects`, `parameters`, `exports`, or `fields MODULE.CLASS PART` for
-the fields of a dataclass, or of its part, as `reality.payload`. `page(text)` returns the text of a
-page as the built site has it.
+the fields of a dataclass, or of its part, as `reality.payload`.
 """
 
 import ast
@@ -89,11 +88,6 @@ def _first_sentence(text: str) -> str:
     return re.split(r"(?<=\.)\s|[:;]\s", first)[0].rstrip(":.") + "."
 
 
-def on_page_markdown(markdown: str, **given: Any) -> str:
-    """Return the Markdown of a page, called by mkdocs for each."""
-    return page(markdown)
-
-
 def on_page_content(content: str, **given: Any) -> str:
     """Return the HTML of a page with MathML in the place of the TeX that `pymdownx.arithmatex`
     marked, called by mkdocs for each.
@@ -106,15 +100,17 @@ def on_page_content(content: str, **given: Any) -> str:
     return FORMULA.sub(mathml, content)
 
 
-def page(text: str) -> str:
-    """Return the text of a page with what the code says in place of each mark."""
+def on_page_markdown(markdown: str, **given: Any) -> str:
+    """Return the Markdown of a page with what the code says in place of each mark, called by
+    mkdocs for each.
+    """
     written = {
         "effects": effects,
         "parameters": parameters,
         "exports": coverage_markdown,
         "fields": fields,
     }
-    return MARK.sub(lambda mark: written[mark[1]](*mark[2].split()), text)
+    return MARK.sub(lambda mark: written[mark[1]](*mark[2].split()), markdown)
 
 
 def effects() -> str:

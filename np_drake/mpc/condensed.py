@@ -16,7 +16,7 @@ from scipy.linalg.blas import dsyrk
 
 from np_drake.compiled import compiled
 from np_drake.mpc.dynamics import Actuation, DiscreteDynamics
-from np_drake.mpc.horizon import Horizon, Preparation, hover_solution
+from np_drake.mpc.horizon import Horizon, Preparation
 from np_drake.mpc.objective import LATERAL, Objective, SoftRows, lateral_response, penalty
 from np_drake.mpc.problem import MpcConfig, MpcSolution, SolverFailure
 from np_drake.residual_model import Reaction
@@ -249,14 +249,13 @@ def _feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
     The wrench is that before any planned motion.
     """
     vehicle, by = condensed.vehicle, condensed.actuation
-    gain = hover_solution(vehicle, condensed.config)[1]
     bound, unit = np.full(13, np.inf), ratios(vehicle)
     bound[0:3], bound[7:10] = _REACH * unit.length, _PACE * (unit.length / unit.time)
     T = np.empty_like(h.u_ref)
     x = h.x0
     for i in range(len(T)):
         e = np.clip(x - h.x_ref[i], -bound, bound)
-        T[i] = condensed.clip(by.unmixer @ (h.u_ref[i] - gain @ e))
+        T[i] = condensed.clip(by.unmixer @ (h.u_ref[i] - condensed.prepare.feedback @ e))
         chi = h.free[i] if h.reaction is None else h.free[i] + h.reaction(x[7:13])
         x = condensed.dynamics.advance(x, by.mixer @ T[i], chi)
     return T

@@ -153,9 +153,7 @@ class MpcController:
 
     def _hover(self, x: np.ndarray) -> MpcSolution:
         start = self.initial_memory()
-        states = start.x.copy()
-        if np.all(np.isfinite(x)):
-            states[:] = x
+        states = np.where(np.isfinite(x).all(), x, start.x)
         return MpcSolution(start.u, states, start.chi, MpcStatus.HOVER, np.nan, 0.0, 0.0, 0)
 
 
@@ -176,7 +174,8 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
             f"shift: elapsed must not be negative and step must be positive [s]; got "
             f"{elapsed}, {step}."
         )
-    whole, part = _split(elapsed / step)
+    whole = int(elapsed / step + 1e-9)  # 0.04 / 0.02 counts as whole
+    part = max(elapsed / step - whole, 0.0)
     x = _blend(plan.x, whole, part)
     x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
     return MpcSolution(
@@ -189,14 +188,6 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
         solve_time=0.0,
         iterations=0,
     )
-
-
-def _split(ratio: float) -> tuple[int, float]:
-    """Return whole steps and the rest in [0, 1); 0.04 / 0.02 counts as whole."""
-    nearest = round(ratio)
-    if abs(ratio - nearest) < 1e-9 * max(1.0, ratio):
-        return nearest, 0.0
-    return int(ratio), ratio - int(ratio)
 
 
 def _blend(values: np.ndarray, whole: int, part: float) -> np.ndarray:

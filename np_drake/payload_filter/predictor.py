@@ -74,8 +74,6 @@ class PayloadFilter:
         )  # step in the time unit of the paper's vehicle [s]
         self._hook = np.asarray(model.hook, float)
         self._cross = attitude.skew(self._hook)
-        self._rate_torque = np.asarray(model.rate_torque, float)
-        self._speed_torque = np.asarray(model.speed_torque, float)
 
     @classmethod
     def load(cls, path: str | Path) -> "PayloadFilter":
@@ -129,7 +127,7 @@ class PayloadFilter:
             least = self.bank.options.least_noise
             noise = _take_noise(*known, force, self._noise_share, least)
             new |= dict(zip(NOISE, noise, strict=True))
-            torque = chi[3:] - motion_torque(x, self._rate_torque, self._speed_torque)
+            torque = chi[3:] - motion_torque(x, self.model.rate_torque, self.model.speed_torque)
             new |= self._lag_hook_and_level(new, torque, missing[1:])
         return new
 
@@ -190,8 +188,8 @@ class PayloadFilter:
             plan.u,
             memory["acting"],
             memory["steady"],
-            self._rate_torque,
-            self._speed_torque,
+            self.model.rate_torque,
+            self.model.speed_torque,
             hook,
             mass,
             gravity,
