@@ -283,8 +283,8 @@ class ActuatorEffects(LeafSystem):
     def _calc_rotor_rate(self, context, output) -> None:
         rate = np.zeros(4)
         for stage, own in zip(self._lagging, self._rates.Eval(context), strict=True):
-            effect = stage.effect
-            if effect.turns_rotor and effect.state_size == 4 and stage.acts(context.get_time()):
+            turns = stage.effect.turns_rotor and stage.effect.state_size == 4
+            if turns and stage.acts(context.get_time()):
                 rate = own
         output.SetFromVector(rate)
 

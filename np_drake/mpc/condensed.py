@@ -318,11 +318,9 @@ def _move(F, before, after, size):
             for col in range(size):
                 after[row, col] = before[row, col] + h * before[7 + row, col]
         elif 7 <= row < 10:
-            for col in range(size):
-                after[row, col] = before[row, col]
+            after[row, :size] = before[row, :size]
         else:
-            for col in range(size):
-                after[row, col] = 0.0
+            after[row, :size] = 0.0
         if row < 10:
             for col in range(size):
                 after[row, col] += (
@@ -410,8 +408,7 @@ def _weigh_end(S, root, out):
     """
     last, first = S[len(S) - 1], len(out) - 13
     for row in range(13):
-        for col in range(out.shape[1]):
-            out[first + row, col] = 0.0
+        out[first + row] = 0.0
         for s in range(13):
             k = root[row, s]
             if k != 0.0:

@@ -62,8 +62,7 @@ class MpcController:
     def initial_memory(self) -> ControllerMemory:
         """Return the memory before the first plan: hover at the origin."""
         N = self.config.horizon
-        x = np.zeros((N + 1, 13))
-        x[:, 3] = 1.0
+        x = np.tile(np.eye(13)[3], (N + 1, 1))
         flags = np.array([float(MpcStatus.HOVER), 0.0, 0.0])
         hover = self.vehicle.hover_input
         return ControllerMemory(np.tile(hover, (N, 1)), x, np.zeros((N, 6)), flags, hover)

@@ -28,10 +28,9 @@ def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.
     The feedback acts as u = u_ref - feedback @ e_x.
     """
     by = Actuation.of(vehicle, config.command)
-    x = np.zeros((1, 13))
-    x[0, 3] = 1.0
+    level = np.eye(13)[3:4]
     model = DiscreteDynamics(vehicle, config.step, by).linearise(
-        x, vehicle.hover_input[None], np.zeros((1, 6))
+        level, vehicle.hover_input[None], np.zeros((1, 6))
     )
     keep, r = _CONTROLLABLE, np.diag(by.input_weights(config))
     A, B = model.Fx[0][np.ix_(keep, keep)], model.Fu[0][keep]

@@ -204,8 +204,7 @@ def _row_jacobian(x, S, far, jacobian):
             jacobian[3 * n + i, col] = (
                 w * S[i, 3, col] + a * S[i, 4, col] + b * S[i, 5, col] + c * S[i, 6, col]
             )
-    for col in range(4 * n):
-        jacobian[4 * n, col] = 0.0
+    jacobian[4 * n] = 0.0
     for row in range(13):
         for col in range(4 * n):
             jacobian[4 * n, col] += far[row] * S[n - 1, row, col]

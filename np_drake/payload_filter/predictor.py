@@ -85,13 +85,11 @@ class PayloadFilter:
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample."""
-        x = np.zeros(13)
-        x[3] = 1.0
         hovering = np.array([self.model.mass * self.model.gravity, 0.0, 0.0, 0.0])
         return {
             **self.bank.initial_memory(),
             **initial_lag(self.rotor_lag, hovering),
-            "x": x,
+            "x": np.eye(13)[3],
             "acting": hovering,
             "labels": np.full((2, 3), np.nan),
             "variance": np.full(3, FIRST_NOISE**2),
