@@ -223,13 +223,12 @@ def _windows(
         raise ValueError(
             f"knode: all logs must share one step [s]; got {steps.min()} to {steps.max()}."
         )
-    H, x, u = config.window, [], []
-    for piece in pieces:
-        for k in range(0, len(piece.x) - H, config.spacing):
-            x.append(piece.x[k : k + H + 1])
-            u.append(piece.u[k : k + H])
-    require(x, f"knode: at least {H + 1} rows in one piece are needed; got none so long.")
-    return torch.from_numpy(np.array(x)), torch.from_numpy(np.array(u)), float(steps[0])
+    H = config.window
+    starts = [(p, k) for p in pieces for k in range(0, len(p.x) - H, config.spacing)]
+    require(starts, f"knode: at least {H + 1} rows in one piece are needed; got none so long.")
+    x = np.array([piece.x[k : k + H + 1] for piece, k in starts])
+    u = np.array([piece.u[k : k + H] for piece, k in starts])
+    return torch.from_numpy(x), torch.from_numpy(u), float(steps[0])
 
 
 CONFIGURATIONS: dict[str, GaussianProcessConfig | KnodeConfig] = {
