@@ -52,8 +52,7 @@ class CommandBuffer(LeafSystem):
         if not dead_time >= SOONEST or not period > 2 * SOONEST:
             raise ValueError(
                 f"CommandBuffer: dead_time must be at least {SOONEST:g} and period above "
-                f"{2 * SOONEST:g} [s]; "
-                f"got {dead_time} and {period}."
+                f"{2 * SOONEST:g} [s]; got {dead_time} and {period}."
             )
         self._size = len(resting)
         periods = math.floor(dead_time / period)

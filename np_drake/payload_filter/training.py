@@ -70,9 +70,8 @@ def train_payload_filter(
     for (log, _), flight in zip(logs, samples, strict=True):
         require(
             len(torque_steps(flight)),
-            f"payload_filter: flight {log.name} must have torque labels at "
-            f"neighbouring samples (command and "
-            "angular acceleration in the same rows); got none.",
+            f"payload_filter: flight {log.name} must have torque labels at neighbouring samples "
+            "(command and angular acceleration in the same rows); got none.",
         )
     hook = np.zeros(3)
     for done in (1, 2):

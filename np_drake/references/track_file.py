@@ -335,9 +335,8 @@ def _check_slopes(
     )  # of the first, if any
     if error[row, axis] > allowed:
         raise table.error(
-            f"must be the slope of the positions, {slopes[row, axis]:.3g}, within "
-            f"{allowed:.2g}; got "
-            f"{given[row, axis]:.3g}. Correct it, or leave {', '.join(names)} out.",
+            f"must be the slope of the positions, {slopes[row, axis]:.3g}, within {allowed:.2g}; "
+            f"got {given[row, axis]:.3g}. Correct it, or leave {', '.join(names)} out.",
             column=names[axis],
             row=int(row),
         )
@@ -359,9 +358,8 @@ def write_trajectory(
     duration = getattr(reference, "end", np.inf) if duration is None else duration
     require(
         0 < rate < np.inf and 0 < duration < np.inf,
-        f"write_trajectory: rate [Hz] and duration [s] must be positive and finite; "
-        f"got {rate}, {duration}. "
-        "Name the duration of a motion without an end.",
+        f"write_trajectory: rate [Hz] and duration [s] must be positive and finite; got {rate}, "
+        f"{duration}. Name the duration of a motion without an end.",
     )
     t = np.arange(max(LEAST_ROWS, round(duration * rate) + 1)) / rate
     values = np.concatenate(reference.sample(t)[:3], axis=1).T

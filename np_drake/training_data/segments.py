@@ -352,9 +352,8 @@ def require_torque(log: FlightLog) -> FlightLog:
         )
     require(
         not len(log) or np.isfinite(log.u[:, 1:]).any(),
-        f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, "
-        f"or throttle1 … throttle4 "
-        f"with a vehicle file) for its wrench; its input is {log.input}.",
+        f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, or "
+        f"throttle1 … throttle4 with a vehicle file) for its wrench; its input is {log.input}.",
     )
     return log
 
@@ -368,9 +367,8 @@ def require_motion(flights: Sequence[Flight]) -> None:
     if len(spreads) and np.all(spreads < STILL):
         v, w = spreads[:, :3].max(), spreads[:, 3:].max()
         raise ValueError(
-            f"train: the vehicle must move in the logs; velocity varies by {v:.2g} m/s, "
-            f"body rates by {w:.2g} rad/s. "
-            "Fly with more motion, or give --force."
+            f"train: the vehicle must move in the logs; velocity varies by {v:.2g} m/s, body "
+            f"rates by {w:.2g} rad/s. Fly with more motion, or give --force."
         )
 
 

@@ -326,9 +326,8 @@ class Vehicle:
         )
         _require(
             self.calibration.rotor_inertia <= self.inertia[2][2],
-            f"calibration.rotor_inertia must be below that of the vehicle, "
-            f"{self.inertia[2][2]:g} kg·m²; got {self.calibration.rotor_inertia:g}. Is it in "
-            "kg·m²?",
+            f"calibration.rotor_inertia must be below that of the vehicle, {self.inertia[2][2]:g} "
+            f"kg·m²; got {self.calibration.rotor_inertia:g}. Is it in kg·m²?",
         )
 
     def _check_rotors(self) -> None:
