@@ -1,17 +1,13 @@
 """In-memory flight log that every reader returns and every method takes."""
 
 import dataclasses as dc
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from np_drake.checks import require
 from np_drake.files.notebook import data_frame, html_table
 from np_drake.vehicle.rotor_layout import RotorLayout
-
-if TYPE_CHECKING:
-    from np_drake.logs.inputs import PowerMap
-    from np_drake.vehicle.vehicle import ThrottleMap
 
 MOST_NOTES = 5  # that a notebook shows
 COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the file
@@ -93,7 +89,7 @@ class FlightLog:
         from its row.
     start: time of its recording's clock at t = 0; logs of clocks that agree are aligned by it [s].
     neighbours: vehicles that flew nearby, on the clock of t.
-    throttle_map: by which u comes from throttle; None: from another input.
+    throttle_map: by which u comes from throttle, as `ThrottleMap`; None: from another input.
     layout: where the rotors of `rotor`, `throttle` and `balance` are; None: in the order of the
         vehicle file.
     motors: names of these rotors in the log that was recorded; empty: not known.
@@ -125,7 +121,7 @@ class FlightLog:
     lacks: tuple[str, ...] = ()
     start: float = 0.0
     neighbours: tuple[Neighbour, ...] = ()
-    throttle_map: "ThrottleMap | PowerMap | None" = None
+    throttle_map: Any = None
     notes: list[str] = dc.field(
         default_factory=list
     )  # what a reader derived, differentiated or repaired

@@ -53,7 +53,7 @@ class VehicleState(LeafSystem):
         joint = plant.GetJointByName("quadrotor")
         self._starts = joint.position_start(), plant.num_positions() + joint.velocity_start()
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
-        self.DeclareVectorOutputPort("x", 13, self._calc_x, {self._state_port.ticket()})
+        self.DeclareVectorOutputPort("x", 13, self._calc_x, {self.all_input_ports_ticket()})
 
     def _calc_x(self, context, output) -> None:
         x = np.empty(13)
@@ -91,8 +91,8 @@ class BodyAcceleration(LeafSystem):
         self._rates_port = self.DeclareVectorInputPort(
             "generalized_acceleration", plant.num_velocities()
         )
-        prerequisites = {self._state_port.ticket(), self._rates_port.ticket()}
-        self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, prerequisites)
+        inputs = {self.all_input_ports_ticket()}
+        self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, inputs)
 
     def _calc_acceleration(self, context, output) -> None:
         q_start, v_start = self._starts
@@ -137,8 +137,8 @@ class RodWrench(LeafSystem):
         self._poses_port = self.DeclareAbstractInputPort(
             "body_poses", Value[list[RigidTransform]]()
         )
-        prerequisites = {self._forces_port.ticket(), self._poses_port.ticket()}
-        self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
+        inputs = {self.all_input_ports_ticket()}
+        self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, inputs)
 
     def _calc_wrench(self, context, output) -> None:
         F_PM_M = self._forces_port.Eval(context)[self._ordinal]

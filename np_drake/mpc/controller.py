@@ -177,16 +177,9 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
     part = max(elapsed / step - whole, 0.0)
     x = _blend(plan.x, whole, part)
     x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
-    return MpcSolution(
-        u=_blend(plan.u, whole, part),
-        x=x,
-        chi=_blend(plan.chi, whole, part),
-        status=MpcStatus.SHIFTED_PLAN,
-        cost=plan.cost,
-        violation=plan.violation,
-        solve_time=0.0,
-        iterations=0,
-    )
+    u, chi = _blend(plan.u, whole, part), _blend(plan.chi, whole, part)
+    status = MpcStatus.SHIFTED_PLAN
+    return dc.replace(plan, u=u, x=x, chi=chi, status=status, solve_time=0.0, iterations=0)
 
 
 def _blend(values: np.ndarray, whole: int, part: float) -> np.ndarray:

@@ -147,16 +147,8 @@ def as_solution(
         raise SolverFailure(
             "MPC: the predicted motion leaves the numbers; check the forecast and the state."
         )
-    return MpcSolution(
-        u=t.u,
-        x=t.x,
-        chi=t.chi,
-        status=status,
-        cost=t.merit,
-        violation=float(t.slacks.max()),
-        solve_time=solve_time,
-        iterations=iterations,
-    )
+    violation = float(t.slacks.max())
+    return MpcSolution(t.u, t.x, t.chi, status, t.merit, violation, solve_time, iterations)
 
 
 @dc.dataclass(frozen=True)
