@@ -220,7 +220,7 @@ class ActuatorEffects(LeafSystem):
         self._state_index = self.DeclareContinuousState(
             BasicVector(self._resting_state(hover_thrust))
         )
-        prerequisites = {self._command_port.ticket(), self.all_state_ticket(), self.time_ticket()}
+        prerequisites = {self.all_input_ports_ticket(), self.all_state_ticket(), self.time_ticket()}
         self.DeclareVectorOutputPort("thrust", 4, self._calc_thrust, prerequisites)
         self.DeclareVectorOutputPort("nominal_thrust", 4, self._calc_nominal_thrust, prerequisites)
         self.DeclareVectorOutputPort("rotor_rate", 4, self._calc_rotor_rate, prerequisites)

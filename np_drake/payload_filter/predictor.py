@@ -175,7 +175,7 @@ class PayloadFilter:
         """Return the forecast over `horizon` steps of `stride * self.step` seconds along a plan at
         these steps.
         """
-        some = np.flatnonzero(memory["weight"] >= LEAST_WEIGHT)
+        some = memory["weight"] >= LEAST_WEIGHT
         weight = memory["weight"][some] / memory["weight"][some].sum()
         points, step = memory["mean"][some], stride * self.step
         hook, mass, gravity = self._hook + memory["shift"], self.model.mass, self.model.gravity
