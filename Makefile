@@ -68,9 +68,8 @@ format: venv
 	$(BIN)/ruff check --fix $(CODE)
 	$(BIN)/ruff format $(CODE)
 
-# The commands page is written anew from the command line; a broken link or anchor fails the build.
+# A broken link or anchor fails the build.
 docs: $(DOCS_STAMP)
-	PYTHONPATH=. $(BIN)/python docs/make_commands.py
 	$(BIN)/python -m mkdocs build --strict
 
 $(DOCS_STAMP): $(STAMP)

@@ -1,12 +1,14 @@
-"""Hook of mkdocs: writes into the pages what the code itself says, in place of marks.
+"""Hook of mkdocs: writes into the pages what the code itself says, in place of marks, and formulas
+as MathML, which browsers show without a script and without a network; adds the page of the
+commands.
 
 A mark is a comment of HTML: `effects`, `parameters`, `exports`, or `fields MODULE.CLASS PART` for
-the fields of a dataclass, or of its part, as `reality.payload`. `page(text)` returns the text of a
-page as the built site has it.
+the fields of a dataclass, or of its part, as `reality.payload`.
 """
 
 import ast
 import dataclasses as dc
+import html
 import importlib
 import inspect
 import io
@@ -14,33 +16,101 @@ import re
 import tokenize
 import typing
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
+import typer
+
+from diagrams.cli.app import PROGRAM, VERBS, app
 from diagrams.exports.formats import coverage_markdown
 from np_drake.effects.base import Effect, Parameter
 from np_drake.effects.library import BESIDE_NEIGHBOURS, MEASURED_ROTORS, effects_for, in_scenarios
 from np_drake.files.yaml_file import fields_of
 
 MARK = re.compile(r"<!-- (\w+)([\w. ]*) -->")
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.S)
 UNIT = re.compile(r"\s*\[([^\]]*)\]\.?$")  # at the end of a comment
 ROTORS_ONLY = "The diagnosis tries it on logs of measured rotor speed only."
 NEIGHBOURS_ONLY = "The diagnosis tries it where the log of a neighbour is given."
+HEAD = f"""# Commands
+
+`{PROGRAM} VERB --help` prints the arguments, options and defaults of a verb. This page is generated
+from the command line.
+
+Exit codes: 0; 2 on bad input (one line on stderr); 1 when a run failed; 70 on a fault of the program; 128 + the number
+of a signal. Files appear whole or not at all, and no file that is read is written. `--debug`, anywhere, prints the
+traceback of an error before its line.
+
+| verb | does | page |
+|---|---|---|
+"""  # noqa: E501
+PAGES = {  # verb -> the page that shows its use; a verb without one has an empty cell
+    "demo": "guide/install.md",
+    "fly": "guide/fly.md",
+    "certify": "guide/certify.md",
+    "train": "guide/train.md",
+    "evaluate": "guide/train.md",
+    "import": "guide/import.md",
+    "doctor": "reference/doctor.md",
+    "identify": "guide/identify.md",
+    "diagnose": "guide/diagnose.md",
+    "export": "guide/export.md",
+    "vehicle": "reference/vehicle-file.md",
+    "challenge": "studies/diagnosis-benchmark.md",
+    "reproduce": "studies/index.md",
+    "bench": "studies/speed.md",
+}
+
+
+def on_files(files: Any, *, config: Any) -> Any:
+    """Return the files of the site with the page of the commands, called by mkdocs once."""
+    from mkdocs.structure.files import File
+
+    files.append(File.generated(config, "reference/commands.md", content=commands()))
+    return files
+
+
+def commands() -> str:
+    """Return the page of the commands; verbs of groups have a row each."""
+    group: Any = typer.main.get_command(app)
+    rows = []
+    for name in VERBS:
+        command, target = group.get_command(None, name), PAGES.get(name)
+        link = f"[{Path(target).stem.replace('-', ' ')}](../{target})" if target else ""
+        for inner, verb in getattr(command, "commands", {"": command}).items():
+            does = _plain(_first_sentence(verb.help or ""))
+            rows.append(f"| `{f'{name} {inner}'.strip()}` | {does} | {link} |\n")
+    return HEAD + "".join(rows)
+
+
+def _first_sentence(text: str) -> str:
+    first = " ".join(text.split("\n\n")[0].split())
+    return re.split(r"(?<=\.)\s|[:;]\s", first)[0].rstrip(":.") + "."
+
+
+def on_page_content(content: str, **given: Any) -> str:
+    """Return the HTML of a page with MathML in the place of the TeX that `pymdownx.arithmatex`
+    marked, called by mkdocs for each.
+    """
+    from latex2mathml.converter import convert
+
+    def mathml(mark: re.Match[str]) -> str:
+        return convert(html.unescape(mark[3]), display="block" if mark[2] == "[" else "inline")
+
+    return FORMULA.sub(mathml, content)
 
 
 def on_page_markdown(markdown: str, **given: Any) -> str:
-    """Return the Markdown of a page, called by mkdocs for each."""
-    return page(markdown)
-
-
-def page(text: str) -> str:
-    """Return the text of a page with what the code says in place of each mark."""
+    """Return the Markdown of a page with what the code says in place of each mark, called by
+    mkdocs for each.
+    """
     written = {
         "effects": effects,
         "parameters": parameters,
         "exports": coverage_markdown,
         "fields": fields,
     }
-    return MARK.sub(lambda mark: written[mark[1]](*mark[2].split()), text)
+    return MARK.sub(lambda mark: written[mark[1]](*mark[2].split()), markdown)
 
 
 def effects() -> str:

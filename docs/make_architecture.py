@@ -13,7 +13,6 @@ from diagrams.loop.flight_diagram import make_flight_diagram
 
 FILE = Path(__file__).parent / "figures" / "loop.svg"
 NODE = re.compile(r"^(s\d+) \[.*?^>\];\n", re.M | re.S)
-NAME = re.compile(r"name=([\w ]+)")
 
 
 def loop_graph() -> str:
@@ -21,8 +20,7 @@ def loop_graph() -> str:
     config = load_experiment("circle")
     config.controller.kind, config.controller.predictor = "np", str(NP_MODEL)
     text = make_flight_diagram(config).GetGraphvizString(max_depth=1)
-    recorder = [node for node in NODE.finditer(text) if "record" in _name(node[0])]
-    for node in recorder:
+    for node in [node for node in NODE.finditer(text) if "name=record" in node[0]]:
         text = text.replace(node[0], "")
         text = re.sub(rf"^{node[1]}:.*\n|^.*-> {node[1]}:.*\n", "", text, flags=re.M)
     text = re.sub(r"<B>systems\.\w+\.(\w+)</B>", r"<B>\1</B>", text)  # the class without its module
@@ -31,11 +29,6 @@ def loop_graph() -> str:
         "rankdir=LR",
         'rankdir=LR ranksep=1.1 nodesep=0.4 bgcolor=white\nnode [fontname="sans-serif"]',
     )
-
-
-def _name(node: str) -> str:
-    found = NAME.search(node)
-    return found[1] if found else ""
 
 
 if __name__ == "__main__":

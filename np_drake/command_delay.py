@@ -86,7 +86,7 @@ class DelayFilter:
 
         Args:
             x: (13,) state.
-            acceleration: (6,) [a in W, al in B] [m/s², rad/s²].
+            acceleration: (6,) [a in W, al in B], [m/s², rad/s²].
             u: (4,) command up to now.
         """
         sent = newest_first(memory["sent"], u)

@@ -90,7 +90,7 @@ class FlightLog:
         from its row.
     start: time of its recording's clock at t = 0; logs of clocks that agree are aligned by it [s].
     neighbours: vehicles that flew nearby, on the clock of t.
-    throttle_map: by which u comes from throttle; None: from another input.
+    throttle_map: by which u comes from throttle, as `ThrottleMap`; None: from another input.
     layout: where the rotors of `rotor`, `throttle` and `balance` are; None: in the order of the
         vehicle file.
     motors: names of these rotors in the log that was recorded; empty: not known.

@@ -18,7 +18,13 @@ from np_drake.checks import require
 from np_drake.compiled import compiled, finite
 from np_drake.flight_log import FlightLog
 from np_drake.residual_model import Memory
-from np_drake.rotor_input import acting_command, rotor_decay, rotor_speed, rotor_wrench
+from np_drake.rotor_input import (
+    acting_command,
+    rotor_decay,
+    rotor_speed,
+    rotor_wrench,
+    with_rotor_lag,
+)
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios
 
@@ -97,8 +103,7 @@ def labelled(vehicle: Vehicle, model: object) -> Vehicle:
 
     A lag named in the vehicle's file takes precedence.
     """
-    lag = getattr(model, "rotor_lag", 0.0)
-    return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
+    return with_rotor_lag(vehicle, getattr(model, "rotor_lag", 0.0))
 
 
 class LabelFilter:

@@ -13,6 +13,7 @@ import numpy as np
 from np_drake.compiled import compiled
 
 Memory = dict[str, np.ndarray]
+FORCE = np.repeat([1.0, 0.0], 3)  # of a wrench
 
 
 @dc.dataclass(frozen=True)
@@ -52,15 +53,11 @@ class ForceAlone:
 
     def __call__(self, zeta: np.ndarray) -> np.ndarray:
         """Return chi (..., 6) [N, N·m] at zeta (..., 6) [m/s, rad/s]."""
-        chi = np.array(self.whole(zeta), float)
-        chi[..., 3:] = 0.0
-        return chi
+        return self.whole(zeta) * FORCE
 
     def jacobian(self, zeta: np.ndarray) -> np.ndarray:
         """Return dchi/dzeta (n, 6, 6) at zeta (n, 6)."""
-        slope = np.array(self.whole.jacobian(zeta), float)
-        slope[:, 3:] = 0.0
-        return slope
+        return self.whole.jacobian(zeta) * FORCE[:, None]
 
 
 @dc.dataclass(frozen=True)
@@ -94,9 +91,8 @@ class WrenchForecast:
 
     def force_alone(self) -> "WrenchForecast":
         """Return the forecast without torque."""
-        offset, C = self.offset.copy(), self.C.copy()
-        offset[:, 3:], C[3:] = 0.0, 0.0
         reaction = None if self.reaction is None else ForceAlone(self.reaction)
+        C, offset = self.C * FORCE[:, None], self.offset * FORCE
         return dc.replace(self, C=C, offset=offset, reaction=reaction)
 
     def rollout(self, zeta: np.ndarray) -> np.ndarray:

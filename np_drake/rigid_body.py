@@ -56,7 +56,7 @@ def residual_wrench(
         al: (..., 3) dw/dt in B [rad/s²].
         u: (..., 4) command acting at that instant [N, N·m].
     Returns:
-        (..., 6) chi = [f_e in W, tau_e in B] [N, N·m].
+        (..., 6) chi = [f_e in W, tau_e in B], [N, N·m].
     """
     if max(map(np.ndim, (q, w, a, al, u))) == 1:  # one instant of the simulator
         given = (np.asarray(value, float) for value in (q, w, a, al, u))

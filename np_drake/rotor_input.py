@@ -60,6 +60,13 @@ def rotor_decay(vehicle: Vehicle, step: float) -> float:
     return lag_shares(vehicle.rotor_time_constant, step)[1]
 
 
+def with_rotor_lag(vehicle: Vehicle, lag: float) -> Vehicle:
+    """Return the vehicle with this lag of its rotors [s]; one that its file names takes
+    precedence.
+    """
+    return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
+
+
 def lag_shares(time_constant: float, step: float) -> tuple[float, float]:
     """Return the share of a difference that a first-order lag leaves under a held command: mean
     over a step, and at its end [1].
@@ -74,7 +81,7 @@ def rotor_speed(vehicle: Vehicle, u: np.ndarray) -> np.ndarray:
     """Return the rotor speed (..., 4) that gives an input; no rotor pulls downwards [rad/s].
 
     Args:
-        u: (..., 4) [f_u, tau_m] [N, N·m].
+        u: (..., 4) [f_u, tau_m], [N, N·m].
     """
     return np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
 

@@ -65,7 +65,7 @@ class Cable(LeafSystem):
         size = plant.num_velocities()
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
         holds = self.DeclareDiscreteState([float(tied_at <= 0.0)])
-        prerequisites = {self._state_port.ticket(), self.all_state_ticket()}
+        prerequisites = {self.all_input_ports_ticket(), self.all_state_ticket()}
         self.DeclareVectorOutputPort("generalized_force", size, self._calc_force, prerequisites)
         self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
         self.DeclareStateOutputPort("holds", holds)

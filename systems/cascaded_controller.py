@@ -41,12 +41,12 @@ class CascadedController(LeafSystem):
         self._target_port = self.DeclareVectorInputPort("target", TARGET_SIZE)
         # Hovering, and no update yet.
         start = np.concatenate([vehicle.hover_input, np.zeros(6), [np.nan]])
-        state = self.DeclareDiscreteState(BasicVector(start))
-        self.DeclareVectorOutputPort("u", 4, self._calc_u, {self.discrete_state_ticket(state)})
+        self.DeclareDiscreteState(BasicVector(start))
+        self.DeclareVectorOutputPort("u", 4, self._calc_u, {self.xd_ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _calc_u(self, context, output) -> None:
-        output.SetFromVector(context.get_discrete_state(0).CopyToVector()[:4])
+        output.SetFromVector(context.get_discrete_state(0).value()[:4])
 
     def _update(self, context, discrete_state) -> None:
         held, t = context.get_discrete_state(0).CopyToVector(), context.get_time()

@@ -52,24 +52,18 @@ class CommandBuffer(LeafSystem):
         if not dead_time >= SOONEST or not period > 2 * SOONEST:
             raise ValueError(
                 f"CommandBuffer: dead_time must be at least {SOONEST:g} and period above "
-                f"{2 * SOONEST:g} [s]; "
-                f"got {dead_time} and {period}."
+                f"{2 * SOONEST:g} [s]; got {dead_time} and {period}."
             )
         self._size = len(resting)
         periods = math.floor(dead_time / period)
         offset = min(max(dead_time - periods * period, SOONEST), period - SOONEST) + _OFF_GRID
         self._command_port = self.DeclareVectorInputPort("command", self._size)
         state = self.DeclareDiscreteState(BasicVector(np.tile(resting, periods + 1)))
-        self.DeclareVectorOutputPort(
-            "delayed", self._size, self._calc_delayed, self._prerequisites(state)
-        )
+        needed = {self.discrete_state_ticket(state)}
+        if onset > -math.inf:
+            needed |= {self.time_ticket(), self._command_port.ticket()}
+        self.DeclareVectorOutputPort("delayed", self._size, self._calc_delayed, needed)
         self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self._update_readings)
-
-    def _prerequisites(self, state) -> set:
-        stored = {self.discrete_state_ticket(state)}
-        if self._onset == -math.inf:
-            return stored
-        return {*stored, self.time_ticket(), self._command_port.ticket()}
 
     def _update_readings(self, context, discrete_state) -> None:
         readings = context.get_discrete_state(0).value()

@@ -1,6 +1,5 @@
 """Autopilot of a simulated vehicle that a process outside commands by MAVLink."""
 
-import numpy as np
 from pydrake.systems.framework import BasicVector, LeafSystem
 
 from np_drake.autopilot.mavlink import MavlinkLink
@@ -43,9 +42,8 @@ class OffboardAutopilot(LeafSystem):
         self.link, self.autopilot = link, SimulatedAutopilot(vehicle)
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._acceleration_port = self.DeclareVectorInputPort("acceleration", 6)
-        hover = np.array([vehicle.mass * vehicle.gravity, 0.0, 0.0, 0.0])
-        self.DeclareDiscreteState(BasicVector(hover))
-        self.DeclareVectorOutputPort("rates_thrust", 4, self._calc_rates_thrust, {self.xd_ticket()})
+        state = self.DeclareDiscreteState(BasicVector(vehicle.hover_input))
+        self.DeclareStateOutputPort("rates_thrust", state)
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._step)
 
     def _step(self, context, discrete_state) -> None:
@@ -55,6 +53,3 @@ class OffboardAutopilot(LeafSystem):
         discrete_state.set_value(self.autopilot.step(t, x))
         if out := self.autopilot.messages(t, x, self._acceleration_port.Eval(context)):
             self.link.send(out)
-
-    def _calc_rates_thrust(self, context, output) -> None:
-        output.SetFromVector(context.get_discrete_state(0).value())

@@ -157,13 +157,6 @@ def setting(value: float) -> Update:
     return update
 
 
-def declare_step_end(system: LeafSystem, time: float) -> None:
-    """Let a step of the integrator end at a time [s], where a force begins that knows the time
-    itself.
-    """
-    declare_event_at(system, time, lambda context, state: None)
-
-
 def declare_impulse(plant: MultibodyPlant, time: float, impulse, mass: float) -> None:
     """Declare that the velocity of the free body `payload` jumps by impulse (3,) over mass, in W
     [N·s, kg].

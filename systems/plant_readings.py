@@ -7,6 +7,7 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import LeafSystem
 
+from np_drake import attitude
 from np_drake.compiled import compiled, turned
 
 
@@ -52,25 +53,12 @@ class VehicleState(LeafSystem):
         joint = plant.GetJointByName("quadrotor")
         self._starts = joint.position_start(), plant.num_positions() + joint.velocity_start()
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
-        self.DeclareVectorOutputPort("x", 13, self._calc_x, {self._state_port.ticket()})
+        self.DeclareVectorOutputPort("x", 13, self._calc_x, {self.all_input_ports_ticket()})
 
     def _calc_x(self, context, output) -> None:
         x = np.empty(13)
         vehicle_state(self._state_port.Eval(context), *self._starts, x)
         output.SetFromVector(x)
-
-
-@compiled
-def _body_acceleration(s, q_start, rates, v_start, out):
-    """Write [a in W, al in B] (6,) from the plant's state and rates of its velocities; places as
-    there.
-    """
-    for k in range(3):
-        out[k] = rates[v_start + 3 + k]
-    w, x, y, z = s[q_start], s[q_start + 1], s[q_start + 2], s[q_start + 3]
-    out[3], out[4], out[5] = turned(
-        w, -x, -y, -z, rates[v_start], rates[v_start + 1], rates[v_start + 2]
-    )
 
 
 class BodyAcceleration(LeafSystem):
@@ -103,14 +91,14 @@ class BodyAcceleration(LeafSystem):
         self._rates_port = self.DeclareVectorInputPort(
             "generalized_acceleration", plant.num_velocities()
         )
-        prerequisites = {self._state_port.ticket(), self._rates_port.ticket()}
-        self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, prerequisites)
+        inputs = {self.all_input_ports_ticket()}
+        self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, inputs)
 
     def _calc_acceleration(self, context, output) -> None:
-        (q_start, v_start), value = self._starts, np.empty(6)
-        state, rates = self._state_port.Eval(context), self._rates_port.Eval(context)
-        _body_acceleration(state, q_start, rates, v_start, value)
-        output.SetFromVector(value)
+        q_start, v_start = self._starts
+        q = self._state_port.Eval(context)[q_start : q_start + 4]
+        al, a = np.split(self._rates_port.Eval(context)[v_start : v_start + 6], 2)
+        output.SetFromVector(np.concatenate([a, attitude.rotate_back(q, al)]))
 
 
 class RodWrench(LeafSystem):
@@ -149,8 +137,8 @@ class RodWrench(LeafSystem):
         self._poses_port = self.DeclareAbstractInputPort(
             "body_poses", Value[list[RigidTransform]]()
         )
-        prerequisites = {self._forces_port.ticket(), self._poses_port.ticket()}
-        self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
+        inputs = {self.all_input_ports_ticket()}
+        self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, inputs)
 
     def _calc_wrench(self, context, output) -> None:
         F_PM_M = self._forces_port.Eval(context)[self._ordinal]

@@ -1,21 +1,18 @@
 """Recording of signals for flight logs, just after each sampling instant."""
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import LogVectorOutput, ZeroOrderHold
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import LogVectorOutput, Multiplexer, ZeroOrderHold
 
 # Row k of a log carries the command that acts from t_k on, and the acceleration under it. Events at
 # t_k have run a microsecond later, and nothing else has moved.
 _AFTER = 1e-6  # [s]
 
 
-class Recorder(LeafSystem):
+class Recorder(Multiplexer):
     """Signals side by side in one vector, behind which a hold and a log follow.
 
-    | port | size | meaning |
-    |---|---|---|
-    | one of each signal's name | of the signal | |
-    | all | their sum | in the order of the inputs |
+    It has an input of each signal, in their order.
     """
 
     def __init__(self, sizes: dict[str, int], *, period: float):
@@ -25,15 +22,8 @@ class Recorder(LeafSystem):
             sizes: of the signals by name.
             period: sampling time [s].
         """
-        super().__init__()
-        self._period, self._signals = (
-            period,
-            [self.DeclareVectorInputPort(*item) for item in sizes.items()],
-        )
-        self.DeclareVectorOutputPort("all", sum(sizes.values()), self._calc_all)
-
-    def _calc_all(self, context, output) -> None:
-        output.SetFromVector(np.concatenate([port.Eval(context) for port in self._signals]))
+        super().__init__(list(sizes.values()))
+        self._period, self._sizes = period, sizes
 
     def read(self, diagram: Diagram, context: Context) -> dict[str, np.ndarray]:
         """Return {"t": (n,) [s], name: (n, size)}: row k is what held just after t_k = k * period.
@@ -46,9 +36,8 @@ class Recorder(LeafSystem):
         # The hold passes row k on at t_(k+1), before it samples again; the first entry is its
         # initial value.
         data = log.data().T[1:]
-        ends = np.cumsum([port.size() for port in self._signals])[:-1]
-        parts = np.split(data, ends, axis=1)
-        rows = {port.get_name(): part for port, part in zip(self._signals, parts, strict=True)}
+        parts = np.split(data, np.cumsum([*self._sizes.values()])[:-1], axis=1)
+        rows = dict(zip(self._sizes, parts, strict=True))
         return {"t": self._period * np.arange(len(data)), **rows}
 
 
@@ -67,8 +56,8 @@ def add_recorder(
     hold = builder.AddNamedSystem(
         "recorder_hold", ZeroOrderHold(period, sum(sizes.values()), _AFTER)
     )
-    for name, port in signals.items():
-        builder.Connect(port, recorder.GetInputPort(name))
+    for place, port in enumerate(signals.values()):
+        builder.Connect(port, recorder.get_input_port(place))
     builder.Connect(recorder.get_output_port(), hold.get_input_port())
     LogVectorOutput(hold.get_output_port(), builder, period).set_name("record")
     return recorder

@@ -34,7 +34,7 @@ class ReferenceSource(LeafSystem):
         super().__init__()
         self._reference, self._times = reference, step * np.arange(horizon + 1)
         self._lead_port = self.DeclareVectorInputPort("lead", 1)
-        when = {self.time_ticket(), self._lead_port.ticket()}
+        when = {self.time_ticket(), self.all_input_ports_ticket()}
         self.DeclareVectorOutputPort("flat", 15 * (horizon + 1), self._calc_flat, when)
         self.DeclareVectorOutputPort("position", 3, self._calc_position, {self.time_ticket()})
 

@@ -220,7 +220,7 @@ class ActuatorEffects(LeafSystem):
         self._state_index = self.DeclareContinuousState(
             BasicVector(self._resting_state(hover_thrust))
         )
-        prerequisites = {self._command_port.ticket(), self.all_state_ticket(), self.time_ticket()}
+        prerequisites = {self.all_input_ports_ticket(), self.all_state_ticket(), self.time_ticket()}
         self.DeclareVectorOutputPort("thrust", 4, self._calc_thrust, prerequisites)
         self.DeclareVectorOutputPort("nominal_thrust", 4, self._calc_nominal_thrust, prerequisites)
         self.DeclareVectorOutputPort("rotor_rate", 4, self._calc_rotor_rate, prerequisites)
@@ -283,8 +283,8 @@ class ActuatorEffects(LeafSystem):
     def _calc_rotor_rate(self, context, output) -> None:
         rate = np.zeros(4)
         for stage, own in zip(self._lagging, self._rates.Eval(context), strict=True):
-            effect = stage.effect
-            if effect.turns_rotor and effect.state_size == 4 and stage.acts(context.get_time()):
+            turns = stage.effect.turns_rotor and stage.effect.state_size == 4
+            if turns and stage.acts(context.get_time()):
                 rate = own
         output.SetFromVector(rate)
 

@@ -21,9 +21,9 @@ from systems.cable import Cable, Rope
 from systems.mass_change import Change, MassChange
 from systems.payload_config import PayloadConfig, PayloadEvent
 from systems.plant import (
+    declare_event_at,
     declare_hanging,
     declare_impulse,
-    declare_step_end,
     make_plant,
     set_payload_mass,
     set_vehicle_mass,
@@ -203,14 +203,12 @@ def _declare_events(
     if payload.tether == "cable":
         declare_hanging(plant, hangs_at, payload)
     for t in {*onsets.values()}:
-        declare_step_end(plant, t)
+        declare_event_at(plant, t, lambda context, state: None)  # a step of the integrator ends
     return sorted(changes, key=lambda change: change[0])
 
 
 def _sum_forces(builder: DiagramBuilder, forces: list[OutputPort]) -> OutputPort:
     """Return the port of the sum of generalized forces."""
-    if len(forces) == 1:
-        return forces[0]
     total = builder.AddNamedSystem("forces", Adder(len(forces), forces[0].size()))
     for i, port in enumerate(forces):
         builder.Connect(port, total.get_input_port(i))

@@ -197,9 +197,7 @@ def _total(s, speed, holds, k, gains, mixer, drag, hover, hook, pieces, out):
         pieces: (1, 3).
         out: to be written [N·m, N].
     """
-    thrust, x = np.empty(4), np.empty(13)
-    for i in range(4):
-        thrust[i] = gains[i] * (k * speed[i] * speed[i])
+    thrust, x = gains * (k * speed * speed), np.empty(13)
     vehicle_state(s, 0, 7 * (len(s) // 13), x)
     if holds:
         cable_force(s, np.empty((0, 6)), holds, hook, pieces, out, np.empty((0, 3)))

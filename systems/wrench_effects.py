@@ -69,13 +69,10 @@ class WrenchEffects(LeafSystem):
             "generalized_force", num_velocities, self._calc_force, prerequisites
         )
 
-    def _motion(self, context) -> Motion:
+    def _calc_force(self, context, output) -> None:
         given = (context.get_time(), self._x_port.Eval(context), self._thrust_port.Eval(context))
         ports = self._optional.items()
-        return Motion(*given, **{n: p.Eval(context) for n, p in ports if p.HasValue(context)})
-
-    def _calc_force(self, context, output) -> None:
-        motion = self._motion(context)
+        motion = Motion(*given, **{n: p.Eval(context) for n, p in ports if p.HasValue(context)})
         effects = acting(self._effects, self._onsets, float(motion.t))
         chi, force = total_wrench(self._vehicle, effects, motion), np.zeros(self._size)
         force[:3], force[3:6] = motion.R_WB @ chi[3:], chi[:3]

@@ -2,16 +2,15 @@
 
     python tests/mutants.py --count 50 --seed 0 [--only np_drake/effects]
 
-A mutant changes one operator, comparison, constant or sign of `np_drake/` or `systems/`. The suite
-runs once on a copy of the repository, to see which tests reach which mutant. Those run on each
-mutant, nearest first, until one fails. What none notices is printed: such a line lacks a law, or
-the change is equivalent. Exit code 1 below `--asked` killed.
+A mutant changes one operator, comparison, constant or sign of `np_drake/` or `systems/` in a copy
+of the repository. The test files of its module run there, then those that import it, until a test
+fails. What none notices is printed: such a line lacks a law, or the change is equivalent. Exit code
+1 below `--asked` killed.
 """
 
 import argparse
 import ast
 import dataclasses as dc
-import itertools
 import os
 import random
 import shutil
@@ -23,8 +22,6 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from queue import Queue
-
-from mutant_probe import FOLDER, reached
 
 ROOT = Path(__file__).resolve().parent.parent
 COPIED = ("np_drake", "systems", "diagrams", "tests", "docs")
@@ -42,10 +39,8 @@ TEXT: dict[type, str] = {
     **{ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="},
     **{ast.And: "and", ast.Or: "or"},
 }
-MOST_SECONDS = 100.0  # of the tests that run on a mutant, as the suite took them
-MOST_TESTS = 200
-UNKNOWN = 10.0  # of a file whose time no run has told [s]
-HANGS = 10.0  # times as long, and a minute to begin: a mutant that hangs is noticed
+MOST = 20  # test files that run on a mutant
+HANGS = 1800.0  # that they take at most: a mutant that hangs is noticed [s]
 
 
 @dc.dataclass(frozen=True)
@@ -119,124 +114,33 @@ def _without_effect(node: ast.AST) -> list[ast.AST]:
     return [node.annotation] if isinstance(node, ast.AnnAssign) else []
 
 
-def probes_of(path: Path, mutants: dict[int, Mutant]) -> str:
-    """Return the text of a file with a probe before the statement of each mutant.
-
-    A statement outside functions, or in a compiled function, is reached by whatever runs a plain
-    function of its file.
-    """
-    text = (ROOT / path).read_text()
-    lines, tree = text.splitlines(keepends=True), ast.parse(text)
-    compiled = {
-        id(n)
-        for f in ast.walk(tree)
-        if isinstance(f, ast.FunctionDef)
-        and any("compiled" in ast.unparse(d) for d in f.decorator_list)
-        for n in ast.walk(f)
-    }
-    functions = [
-        n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and id(n) not in compiled
-    ]
-    within = [
-        n
-        for f in functions
-        for s in f.body
-        for n in ast.walk(s)
-        if isinstance(n, ast.stmt) and not _is_text(n, s, f)
-    ]
-    first = [next((s for s in f.body if not _is_text(s, s, f)), None) for f in functions]
-    at: dict[tuple[int, int], list[int]] = {}
-    for number, mutant in mutants.items():
-        around = [
-            n
-            for n in within
-            if n.lineno <= mutant.line <= (n.end_lineno or 0)
-            and not lines[n.lineno - 1].lstrip().startswith("elif")
-            and (n.lineno, n.col_offset) <= (mutant.line, mutant.column)
-        ]
-        places = (
-            [max(around, key=lambda n: (n.lineno, n.col_offset))]
-            if around
-            else [n for n in first if n]
-        )
-        for place in places:
-            above = min([place.lineno, *(d.lineno for d in getattr(place, "decorator_list", ()))])
-            at.setdefault((above, place.col_offset), []).append(number)
-    for (line, column), numbers in sorted(at.items(), reverse=True):
-        probe = f"__import__('mutant_probe').hit({', '.join(map(str, dict.fromkeys(numbers)))})"
-        lines.insert(line - 1, " " * column + probe + "\n")
-    return "".join(lines)
-
-
-def _is_text(node: ast.AST, statement: ast.stmt, function: ast.FunctionDef) -> bool:
-    """Return whether a node is the docstring of a function."""
-    return (
-        node is statement is function.body[0]
-        and isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-    )
-
-
-def run_probed(drawn: list[Mutant], root: Path, workers: int, notes: Path) -> None:
-    """Run the suite once with probes in the copy at `root`, left as it was, and fill `notes`."""
-    by_file: dict[Path, dict[int, Mutant]] = {}
-    for number, mutant in enumerate(drawn):
-        by_file.setdefault(mutant.path, {})[number] = mutant
-    for path, mutants in by_file.items():
-        text = probes_of(path, mutants)
-        compile(text, str(path), "exec")
-        (root / path).write_text(text)
-    notes.mkdir(parents=True)
-    environment = _environment(root) | {FOLDER: str(notes)}
-    how = f"-m pytest -q -p mutant_probe -n {workers} --dist worksteal tests".split()
-    command = [sys.executable, *how]
-    subprocess.run(command, cwd=root, env=environment, capture_output=True, check=False)
-    for path in by_file:
-        shutil.copyfile(ROOT / path, root / path)
-
-
-def _environment(root: Path) -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{root / 'tests'}", "MPLBACKEND": "Agg"}
-
-
-def files_naming(path: Path, *, importing: bool) -> dict[str, float]:
-    """Return the test files of a module's name, with `importing` those too that import it.
-
-    A probe does not see calls of compiled functions, and those that a cache answers.
+def files_reaching(path: Path) -> list[str]:
+    """Return the test files of a module's name, those that import it, and of these at most `MOST`,
+    the nearest first.
     """
     module = ".".join(path.with_suffix("").parts)
-    every = sorted((ROOT / "tests").rglob("test_*.py"))
-    named = [p for p in every if p.name in (f"test_{path.name}", f"test_{path.parent.name}.py")]
-    found = [*named, *(p for p in every if importing and module in p.read_text())]
-    return {str(p.relative_to(ROOT)): UNKNOWN for p in dict.fromkeys(found)}
+    names, room = (f"test_{path.name}", f"test_{path.parent.name}.py"), Path("tests") / path.parent
+    every = [p.relative_to(ROOT) for p in sorted((ROOT / "tests").rglob("test_*.py"))]
+    found = [p for p in every if p.name in names or module in (ROOT / p).read_text()]
+    found.sort(key=lambda p: (p.name != names[0], p.name != names[1] and p.parent != room))
+    return [str(p) for p in found[:MOST]]
 
 
-def _distance(path: Path, test: str) -> int:
-    """Return how near a test lies to a source file: 0 its own, 1 in its room, 2 elsewhere."""
-    file = Path(test.partition("::")[0])
-    room = file.parent == Path("tests") / path.parent or file.name == f"test_{path.parent.name}.py"
-    return 0 if file.name == f"test_{path.name}" else 1 if room else 2
-
-
-def killer_of(mutant: Mutant, tests: dict[str, float], root: Path) -> str:
+def killer_of(mutant: Mutant, root: Path) -> str:
     """Return the test that notices a mutant in the copy at `root`; "" where none does."""
+    tests = files_reaching(mutant.path)
     if not tests:
         return ""
-    nearest = sorted(tests, key=lambda name: (_distance(mutant.path, name), tests[name]))
-    until = itertools.accumulate(tests[name] for name in nearest)
-    chosen = [n for n, spent in zip(nearest, until, strict=True) if spent <= MOST_SECONDS][
-        :MOST_TESTS
-    ] or nearest[:1]
-    limit = 60 + HANGS * sum(tests[name] for name in chosen)
     mutant.write(root)
     # With a cache by file, a caller in another file keeps the function with which it was compiled.
     compiled = "@compiled" in (ROOT / mutant.path).read_text()
     fresh = {"NUMBA_CACHE_DIR": str(root / "cache")} if compiled else {}
     shutil.rmtree(root / "cache", ignore_errors=True)
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *chosen]
+    environment = os.environ | {"PYTHONPATH": str(root), "MPLBACKEND": "Agg"} | fresh
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
     try:
-        how = {"env": _environment(root) | fresh, "capture_output": True, "text": True}
-        done = subprocess.run(command, cwd=root, timeout=limit, **how)
+        how = {"env": environment, "capture_output": True, "text": True}
+        done = subprocess.run(command, cwd=root, timeout=HANGS, **how)
     except subprocess.TimeoutExpired:
         return "time"
     finally:
@@ -263,8 +167,6 @@ def main() -> int:
     parser.add_argument("--only", action="append", default=[], help="files or folders to draw from")
     parser.add_argument("--line", help="only mutants of this line: PATH:LINE")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at once")
-    parser.add_argument("--numbers", help="of the draw, from 1 on, with commas: only these")
-    parser.add_argument("--notes", type=Path, help="folder of the suite's run, kept for another")
     parser.add_argument("--asked", type=float, default=0.9, help="least share killed")
     options = parser.parse_args()
     tops = (ROOT / "np_drake", ROOT / "systems")
@@ -283,31 +185,21 @@ def main() -> int:
         roots: Queue[Path] = Queue()
         for k in range(options.jobs):
             roots.put(copied(Path(folder) / str(k)))
-        notes = (options.notes or Path(folder) / "notes").resolve()
-        if not notes.exists():
-            run_probed(drawn, copied(Path(folder) / "probed"), options.jobs, notes)
-        tests = reached(notes)
-        print(f"The suite reaches {len(tests)} of them.", flush=True)
 
-        def tried(number: int) -> tuple[str, float]:
+        def tried(mutant: Mutant) -> tuple[str, float]:
             start, root = time.monotonic(), roots.get()
             try:
-                reaching = tests.get(number, {})
-                whole = files_naming(drawn[number].path, importing=not reaching)
-                apart = {n: t for n, t in reaching.items() if n.partition("::")[0] not in whole}
-                return killer_of(drawn[number], whole | apart, root), time.monotonic() - start
+                return killer_of(mutant, root), time.monotonic() - start
             finally:
                 roots.put(root)
 
-        asked = options.numbers.split(",") if options.numbers else range(1, len(drawn) + 1)
-        some = [int(k) - 1 for k in asked]
-        for i, (killer, spent) in zip(some, pool.map(tried, some), strict=True):
-            mutant = drawn[i]
+        for i, (killer, spent) in enumerate(pool.map(tried, drawn), 1):
+            mutant = drawn[i - 1]
             alive += [] if killer else [mutant]
             said = f"killed by {killer}" if killer else "SURVIVES"
-            print(f"{i + 1:3d}/{len(drawn)}  {spent:4.0f} s  {said}  {mutant}", flush=True)
-    killed = 1 - len(alive) / max(1, len(some))
-    head = f"{len(some) - len(alive)} of {len(some)} killed; survivors:"
+            print(f"{i:3d}/{len(drawn)}  {spent:4.0f} s  {said}  {mutant}", flush=True)
+    killed = 1 - len(alive) / max(1, len(drawn))
+    head = f"{len(drawn) - len(alive)} of {len(drawn)} killed; survivors:"
     print(head, *(alive or ["none"]), sep="\n  ")
     return int(killed < options.asked)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 BUDGETS = tomllib.loads((ROOT / "tests" / "budgets.toml").read_text(encoding="utf-8"))
-BUILT = "commands.md"  # with the site, by docs/make_commands.py
+BUILT = "commands.md"  # with the site alone
 FLOORS = ("np_drake", "systems", "diagrams", "docs")
 FILES = sorted(path for floor in FLOORS for path in (ROOT / floor).rglob("*.py"))
 

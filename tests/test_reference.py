@@ -38,7 +38,7 @@ def test_every_field_has_a_meaning_and_a_number_its_unit(mark):
 def test_what_the_code_says_is_on_one_page_of_the_site():
     for mark in ("effects", "parameters", "exports", *(f"fields {of}" for of in FIELDS)):
         assert sum(f"<!-- {mark} -->" in text for text in TEXTS.values()) == 1, mark
-    site = "".join(TABLES["page"](text) for text in TEXTS.values())
+    site = "".join(TABLES["on_page_markdown"](text) for text in TEXTS.values())
     assert "<!--" not in site
     assert "| `wind` | m/s | [0, 0, 0] | mean, in W; the drag feels it |" in site
     assert "| `corners` | – | round | round \\| stop: of a file's" in site

@@ -269,8 +269,8 @@ class Rollout:
     def fly(
         self, x: np.ndarray, commands: Commands, times: np.ndarray, swing: Swing | None = None
     ) -> np.ndarray:
-        """Return state and payload (len(times) - 1, 16) at times[1:] [s] of a flight that is in `x`
-        (13,) at times[0].
+        """Return state and payload (len(times) - 1, 16) at `times[1:]` [s] of a flight that is in
+        `x` (13,) at times[0].
 
         The last three columns are p_WP [m], NaN without a payload. Motors and delays have run on
         the commands before times[0] for `lead` seconds. NaN once the vehicle is lost.

@@ -24,9 +24,8 @@ def html_table(
     return f"<div><p><b>{escape(title)}</b></p>{table}{below}</div>"
 
 
-def data_frame(columns: Mapping[str, Any], *, index: str | None = None) -> Any:
+def data_frame(columns: Mapping[str, Any], *, index: str) -> Any:
     """Return columns (n,) as a pandas DataFrame, one of them as its index."""
     import pandas
 
-    frame = pandas.DataFrame(dict(columns))
-    return frame if index is None else frame.set_index(index)
+    return pandas.DataFrame(dict(columns)).set_index(index)

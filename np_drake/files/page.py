@@ -43,21 +43,6 @@ def write_page(
     Raises: OSError: if a file cannot be written.
     """
     made = {n: p if p is None or isinstance(p, bytes) else png(p) for n, p in pictures.items()}
-    text = render(title, sections, {name: p for name, p in made.items() if p}, closed=closed)
-    for name, picture in made.items():
-        file = path.with_name(f"{name}.png")
-        if picture is None:
-            file.unlink(missing_ok=True)
-        else:
-            write_bytes(file, picture)
-    write_text(path, text)
-    return path
-
-
-def render(
-    title: str, sections: Sequence[Section], pictures: Mapping[str, bytes], *, closed: bool = True
-) -> str:
-    """Return the HTML of a page."""
     environment = Environment(
         loader=FileSystemLoader(FOLDER),
         autoescape=True,
@@ -67,7 +52,7 @@ def render(
         finalize=lambda value: kept_together(value) if type(value) is str else value,
     )
     environment.filters["longest_word"] = _longest_word
-    shown = {name: base64.b64encode(picture).decode() for name, picture in pictures.items()}
+    shown = {name: base64.b64encode(p).decode() for name, p in made.items() if p}
     parts = environment.get_template("page_parts.html.j2").make_module({"pictures": shown})
     macros = {name: getattr(parts, name) for name in ("picture", "table", "items")}
     html = [
@@ -75,9 +60,17 @@ def render(
         for template, values in sections
     ]
     style = Markup((FOLDER / "page.css").read_text("utf-8"))
-    return environment.get_template("page.html.j2").render(
+    text = environment.get_template("page.html.j2").render(
         title=title, sections=html, style=style, closed=closed
     )
+    for name, picture in made.items():
+        file = path.with_name(f"{name}.png")
+        if picture is None:
+            file.unlink(missing_ok=True)
+        else:
+            write_bytes(file, picture)
+    write_text(path, text)
+    return path
 
 
 def _longest_word(text: str) -> int:

@@ -16,9 +16,9 @@ from scipy.linalg.blas import dsyrk
 
 from np_drake.compiled import compiled
 from np_drake.mpc.dynamics import Actuation, DiscreteDynamics
-from np_drake.mpc.horizon import Horizon, Preparation, hover_solution
+from np_drake.mpc.horizon import Horizon, Preparation
 from np_drake.mpc.objective import LATERAL, Objective, SoftRows, lateral_response, penalty
-from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, SolverFailure
+from np_drake.mpc.problem import MpcConfig, MpcSolution, SolverFailure
 from np_drake.residual_model import Reaction
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
 from np_drake.rotor_input import lag_shares
@@ -100,7 +100,7 @@ class Condensed:
         self.R = by.input_weights(config)
         self.objective = Objective(config, self.R)
         self.dynamics = DiscreteDynamics(vehicle, config.step, by)
-        self._prepare = Preparation(vehicle, config)
+        self.prepare = Preparation(vehicle, config)
         n = config.horizon
         self.size = 4 * n
         self._mixer, self._Q = np.ascontiguousarray(by.mixer, float), config.Q
@@ -118,10 +118,6 @@ class Condensed:
             (first, np.empty((13 * (last - first), 4 * last)))
             for first, last in zip([0, *cuts], cuts, strict=False)
         ]
-
-    def prepare(self, problem: MpcProblem) -> Horizon:
-        """Return the problem made ready for a solver."""
-        return self._prepare(problem)
 
     def clip(self, T: np.ndarray) -> np.ndarray:
         """Return the decision (..., 4) clipped to the hard input set."""
@@ -253,14 +249,13 @@ def _feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
     The wrench is that before any planned motion.
     """
     vehicle, by = condensed.vehicle, condensed.actuation
-    gain = hover_solution(vehicle, condensed.config)[1]
     bound, unit = np.full(13, np.inf), ratios(vehicle)
     bound[0:3], bound[7:10] = _REACH * unit.length, _PACE * (unit.length / unit.time)
     T = np.empty_like(h.u_ref)
     x = h.x0
     for i in range(len(T)):
         e = np.clip(x - h.x_ref[i], -bound, bound)
-        T[i] = condensed.clip(by.unmixer @ (h.u_ref[i] - gain @ e))
+        T[i] = condensed.clip(by.unmixer @ (h.u_ref[i] - condensed.prepare.feedback @ e))
         chi = h.free[i] if h.reaction is None else h.free[i] + h.reaction(x[7:13])
         x = condensed.dynamics.advance(x, by.mixer @ T[i], chi)
     return T
@@ -323,11 +318,9 @@ def _move(F, before, after, size):
             for col in range(size):
                 after[row, col] = before[row, col] + h * before[7 + row, col]
         elif 7 <= row < 10:
-            for col in range(size):
-                after[row, col] = before[row, col]
+            after[row, :size] = before[row, :size]
         else:
-            for col in range(size):
-                after[row, col] = 0.0
+            after[row, :size] = 0.0
         if row < 10:
             for col in range(size):
                 after[row, col] += (
@@ -415,8 +408,7 @@ def _weigh_end(S, root, out):
     """
     last, first = S[len(S) - 1], len(out) - 13
     for row in range(13):
-        for col in range(out.shape[1]):
-            out[first + row, col] = 0.0
+        out[first + row] = 0.0
         for s in range(13):
             k = root[row, s]
             if k != 0.0:

@@ -62,8 +62,7 @@ class MpcController:
     def initial_memory(self) -> ControllerMemory:
         """Return the memory before the first plan: hover at the origin."""
         N = self.config.horizon
-        x = np.zeros((N + 1, 13))
-        x[:, 3] = 1.0
+        x = np.tile(np.eye(13)[3], (N + 1, 1))
         flags = np.array([float(MpcStatus.HOVER), 0.0, 0.0])
         hover = self.vehicle.hover_input
         return ControllerMemory(np.tile(hover, (N, 1)), x, np.zeros((N, 6)), flags, hover)
@@ -153,9 +152,7 @@ class MpcController:
 
     def _hover(self, x: np.ndarray) -> MpcSolution:
         start = self.initial_memory()
-        states = start.x.copy()
-        if np.all(np.isfinite(x)):
-            states[:] = x
+        states = np.where(np.isfinite(x).all(), x, start.x)
         return MpcSolution(start.u, states, start.chi, MpcStatus.HOVER, np.nan, 0.0, 0.0, 0)
 
 
@@ -176,27 +173,13 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
             f"shift: elapsed must not be negative and step must be positive [s]; got "
             f"{elapsed}, {step}."
         )
-    whole, part = _split(elapsed / step)
+    whole = int(elapsed / step + 1e-9)  # 0.04 / 0.02 counts as whole
+    part = max(elapsed / step - whole, 0.0)
     x = _blend(plan.x, whole, part)
     x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
-    return MpcSolution(
-        u=_blend(plan.u, whole, part),
-        x=x,
-        chi=_blend(plan.chi, whole, part),
-        status=MpcStatus.SHIFTED_PLAN,
-        cost=plan.cost,
-        violation=plan.violation,
-        solve_time=0.0,
-        iterations=0,
-    )
-
-
-def _split(ratio: float) -> tuple[int, float]:
-    """Return whole steps and the rest in [0, 1); 0.04 / 0.02 counts as whole."""
-    nearest = round(ratio)
-    if abs(ratio - nearest) < 1e-9 * max(1.0, ratio):
-        return nearest, 0.0
-    return int(ratio), ratio - int(ratio)
+    u, chi = _blend(plan.u, whole, part), _blend(plan.chi, whole, part)
+    status = MpcStatus.SHIFTED_PLAN
+    return dc.replace(plan, u=u, x=x, chi=chi, status=status, solve_time=0.0, iterations=0)
 
 
 def _blend(values: np.ndarray, whole: int, part: float) -> np.ndarray:

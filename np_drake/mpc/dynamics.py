@@ -291,8 +291,7 @@ def _linearise(x, u, chi, step, mass, J, J_inv, damping, Fx, Fu):
             w, i, j, k, a, b, c_ = r[0], r[1], r[2], r[3], r[4], r[5], r[6]
             _rotation_jacobian(r, J, J_inv, damping, M, turn)
             for row in range(7):
-                for col in range(10):
-                    rate[row, col] = 0.0
+                rate[row] = 0.0
                 for s in range(7) if row < 4 else range(4, 7):
                     for col in range(10):
                         rate[row, col] += M[row, s] * D[s, col]

@@ -4,7 +4,6 @@ terminal weight.
 
 import dataclasses as dc
 import math
-from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -23,71 +22,23 @@ _FLOOR = (
 )
 
 
-class TerminalWeight:
-    """Terminal weight P for horizons that end at any attitude, as a factor F with F'F = P.
-
-    `riccati`: the hover solution holds in the frame of the reference: position and velocity errors
-    are turned into its heading, the attitude error is q_ref^* (q - q_ref); its vector part is among
-    the controllable states.
-    """
-
-    def __init__(self, vehicle: Vehicle, config: MpcConfig):
-        self._turns = config.terminal != "scaled"
-        P = hover_solution(vehicle, config)[0] if self._turns else np.diag(config.P)
-        # Cholesky factor F with F'F = P, so that the terminal cost is |F e_N|²
-        self._root = np.linalg.cholesky(P + _DEFINITE * P.max() * np.eye(len(P))).T
-
-    def factor(self, q_ref: np.ndarray) -> np.ndarray:
-        """Return F (13, 13) for the last reference attitude q_ref (4,)."""
-        if not self._turns:
-            return self._root
-        w, x, y, z = q_ref.tolist()
-        norm = max(math.hypot(w, z), 1e-9)
-        c, s = (w * w - z * z) / norm**2, 2 * w * z / norm**2
-        turn = np.eye(13)
-        turn[0:2, 0:2] = turn[7:9, 7:9] = [[c, s], [-s, c]]
-        turn[3:7, 3:7] = [[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]
-        return self._root @ turn
-
-
 def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.ndarray]:
     """Return the Riccati cost-to-go (13, 13) and the feedback (4, 13) at hover with heading 0.
 
     The feedback acts as u = u_ref - feedback @ e_x.
     """
     by = Actuation.of(vehicle, config.command)
-    key = (
-        vehicle.mass,
-        vehicle.gravity,
-        vehicle.J.tobytes(),
-        by.J_free.tobytes(),
-        by.damping.tobytes(),
+    level = np.eye(13)[3:4]
+    model = DiscreteDynamics(vehicle, config.step, by).linearise(
+        level, vehicle.hover_input[None], np.zeros((1, 6))
     )
-    return _solve(*key, config.step, config.Q.tobytes(), by.input_weights(config).tobytes())
-
-
-@lru_cache(maxsize=32)
-def _solve(mass, gravity, J, J_free, damping, step, Q, R) -> tuple[np.ndarray, np.ndarray]:
-    vehicle = Vehicle(mass=mass, gravity=gravity, inertia=np.frombuffer(J).reshape(3, 3).tolist())
-    by = dc.replace(
-        Actuation.of(vehicle),
-        J_free=np.frombuffer(J_free).reshape(3, 3),
-        damping=np.frombuffer(damping),
-    )
-    q, r = np.frombuffer(Q), np.diag(np.frombuffer(R))
-    x = np.zeros((1, 13))
-    x[0, 3] = 1.0
-    model = DiscreteDynamics(vehicle, step, by).linearise(
-        x, vehicle.hover_input[None], np.zeros((1, 6))
-    )
-    keep = _CONTROLLABLE
+    keep, r = _CONTROLLABLE, np.diag(by.input_weights(config))
     A, B = model.Fx[0][np.ix_(keep, keep)], model.Fu[0][keep]
-    P = np.zeros((13, 13))
-    P[3, 3] = q[3]
+    P, feedback = np.diag(config.Q), np.zeros((4, 13))
     # Riccati: S = Q + A'SA - A'SB (R + B'SB)^-1 B'SA is the cost-to-go of the feedback K = (R +
     # B'SB)^-1 B'SA
-    P[np.ix_(keep, keep)] = S = solve_discrete_are(A, B, np.diag(np.maximum(q[keep], _FLOOR)), r)
-    feedback = np.zeros((4, 13))
+    S = solve_discrete_are(A, B, np.diag(np.maximum(config.Q[keep], _FLOOR)), r)
+    P[np.ix_(keep, keep)] = S
     feedback[:, keep] = np.linalg.solve(r + B.T @ S @ B, B.T @ S @ A)
     return P, feedback
 
@@ -112,11 +63,18 @@ class Horizon:
 
 
 class Preparation:
-    """Preparation of the problems of one vehicle and configuration."""
+    """Preparation of the problems of one vehicle and configuration.
+
+    feedback: of `hover_solution`.
+    """
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
         n = config.horizon
-        self._terminal = TerminalWeight(vehicle, config)
+        P, self.feedback = hover_solution(vehicle, config)
+        self._turns = config.terminal != "scaled"
+        P = P if self._turns else np.diag(config.P)
+        # Cholesky factor F with F'F = P, so that the terminal cost is |F e_N|²
+        self._root = np.linalg.cholesky(P + _DEFINITE * P.max() * np.eye(len(P))).T
         self._shapes = {"x0": (STATE_SIZE,), "x_ref": (n + 1, STATE_SIZE), "u_ref": (n, INPUT_SIZE)}
         self._horizon = n
 
@@ -136,28 +94,42 @@ class Preparation:
             )
         x0[3:7] /= norm
         _one_hemisphere(x_ref[:, 3:7], x0[3:7])
-        if np.shape(f.offset) != (self._horizon, WRENCH_SIZE):
-            raise SolverFailure(
-                _wrong_shape("forecast.offset", f.offset, (self._horizon, WRENCH_SIZE))
-            )
-        free, markov = eliminate(f)
+        free, markov = eliminate(f, self._horizon)
         if not (finite(free) and finite(markov)):
             raise SolverFailure(
                 "MPC: the forecast overflows within the horizon; its A must be stable."
             )
-        F = self._terminal.factor(x_ref[-1, 3:7])
+        F = self.terminal_factor(x_ref[-1, 3:7])
         acting = u_ref[0] if problem.acting is None else problem.acting
         acting = _checked("acting", acting, (INPUT_SIZE,))
         return Horizon(x0, x_ref, u_ref, F.T @ F, F, free, markov, acting, f.reaction)
 
+    def terminal_factor(self, q_ref: np.ndarray) -> np.ndarray:
+        """Return the factor F (13, 13), F'F = P, of the terminal weight for the last reference
+        attitude q_ref (4,).
 
-def eliminate(f: WrenchForecast) -> tuple[np.ndarray, np.ndarray]:
-    """Return (free, markov) of `Horizon`.
+        `riccati`: the hover solution holds in the frame of the reference: position and velocity
+        errors are turned into its heading, the attitude error is q_ref^* (q - q_ref); its vector
+        part is among the controllable states.
+        """
+        if not self._turns:
+            return self._root
+        w, x, y, z = q_ref.tolist()
+        norm = max(math.hypot(w, z), 1e-9)
+        c, s = (w * w - z * z) / norm**2, 2 * w * z / norm**2
+        turn = np.eye(13)
+        turn[0:2, 0:2] = turn[7:9, 7:9] = [[c, s], [-s, c]]
+        turn[3:7, 3:7] = [[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]
+        return self._root @ turn
+
+
+def eliminate(f: WrenchForecast, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return (free, markov) of `Horizon`, of n stages.
 
     Only C A^j [B z] is needed, so K leaves the problem; the reaction stays.
     Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
     """
-    n, K = len(f.offset), np.size(f.z)
+    K = np.size(f.z)
     shapes = {"A": (K, K), "B": (K, WRENCH_SIZE), "C": (WRENCH_SIZE, K), "z": (K,)}
     free = _checked("forecast.offset", f.offset, (n, WRENCH_SIZE))
     A, B, C, z = (
@@ -175,15 +147,11 @@ def _checked(name: str, value: np.ndarray, shape: tuple[int, ...]) -> np.ndarray
     Raises: SolverFailure: if its shape is another or an entry is not finite.
     """
     if np.shape(value) != shape:
-        raise SolverFailure(_wrong_shape(name, value, shape))
+        raise SolverFailure(f"MPC: {name} must have shape {shape}; got {np.shape(value)}.")
     numbers = np.array(value, float, order="C")
     if not finite(numbers):
         raise SolverFailure(f"MPC: {name} must be finite; got NaN or infinity.")
     return numbers
-
-
-def _wrong_shape(name: str, value: np.ndarray, shape: tuple[int, ...]) -> str:
-    return f"MPC: {name} must have shape {shape}; got {np.shape(value)}."
 
 
 @compiled

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractValue, InitializeAutoDiff
-from pydrake.solvers import IpoptSolver, MathematicalProgram
+from pydrake.solvers import IpoptSolver, MathematicalProgram, SolverOptions
 from scipy.linalg import lapack
 
 from np_drake.mpc.condensed import Condensed, Trajectory, initial_trajectory
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.objective import KINDS, QUADRATIC
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus
-from np_drake.mpc.sqp import SqpSolver, as_solution, expected_early_ends, solver_options
+from np_drake.mpc.sqp import SqpSolver, as_solution, expected_early_ends
 from np_drake.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)
@@ -176,8 +176,8 @@ class Preconditioned:
         if self._soft.any():
             self._add_soft_rows(prog, w)
             start = np.concatenate([start, self._at(start)[0].slacks / self._unit])
-        options = solver_options(
-            {IpoptSolver.id(): {**_OPTIONS, "max_wall_time": min(time_limit, 100.0)}}
+        options = SolverOptions(
+            options={"Ipopt": {**_OPTIONS, "max_wall_time": min(time_limit, 100.0)}}
         )
         result = ipopt.Solve(prog, start, options)
         end = result.GetSolution(w)

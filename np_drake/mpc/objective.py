@@ -59,9 +59,7 @@ class SoftRows:
 
     def slacks(self, d: np.ndarray) -> np.ndarray:
         """Return the smallest slacks (3,) of the linearised rows at d (n,)."""
-        slacks = np.empty(KINDS)
-        _slacks(self.excess + self.jacobian @ d, self.kind, slacks)
-        return slacks
+        return _slacks(self.excess + self.jacobian @ d, self.kind)
 
 
 class Objective:
@@ -106,9 +104,7 @@ class Objective:
 
     def slacks(self, excess: np.ndarray) -> np.ndarray:
         """Return the smallest slacks (3,) that an excess (4N+1,) allows."""
-        slacks = np.empty(KINDS)
-        _slacks(excess, self.kind, slacks)
-        return slacks
+        return _slacks(excess, self.kind)
 
     def rows(self, h: Horizon, x: np.ndarray, S: np.ndarray) -> SoftRows:
         """Return all set rows at x, linearised.
@@ -135,10 +131,7 @@ def penalty(slack: np.ndarray, slack_weight: float) -> float:
         slack: (3,) [in each set's unit].
         slack_weight: [1 per unit of the set].
     """
-    total = 0.0
-    for s in slack.tolist():
-        total += s + QUADRATIC * s * s
-    return slack_weight * total
+    return slack_weight * sum(s + QUADRATIC * s * s for s in slack.tolist())
 
 
 @compiled
@@ -181,14 +174,15 @@ def _excess(x, x_ref_end, P, max_speed, min_cosine, radius, softening, out):
 
 
 @compiled
-def _slacks(excess, kind, out):
-    """Write the smallest slacks (kinds,) that an excess (m,) of the given kinds (m,) allows; NaN
+def _slacks(excess, kind):
+    """Return the smallest slacks (kinds,) that an excess (m,) of the given kinds (m,) allows; NaN
     stays NaN.
     """
-    out[:] = 0.0
+    out = np.zeros(KINDS)
     for row in range(len(excess)):
         if not excess[row] <= out[kind[row]]:
             out[kind[row]] = excess[row]
+    return out
 
 
 @compiled
@@ -210,8 +204,7 @@ def _row_jacobian(x, S, far, jacobian):
             jacobian[3 * n + i, col] = (
                 w * S[i, 3, col] + a * S[i, 4, col] + b * S[i, 5, col] + c * S[i, 6, col]
             )
-    for col in range(4 * n):
-        jacobian[4 * n, col] = 0.0
+    jacobian[4 * n] = 0.0
     for row in range(13):
         for col in range(4 * n):
             jacobian[4 * n, col] += far[row] * S[n - 1, row, col]

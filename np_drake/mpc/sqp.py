@@ -16,11 +16,11 @@ import contextlib
 import dataclasses as dc
 import logging
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverId, SolverOptions
+from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
 from scipy.linalg import blas, lapack
 
 from np_drake.compiled import finite
@@ -147,16 +147,8 @@ def as_solution(
         raise SolverFailure(
             "MPC: the predicted motion leaves the numbers; check the forecast and the state."
         )
-    return MpcSolution(
-        u=t.u,
-        x=t.x,
-        chi=t.chi,
-        status=status,
-        cost=t.merit,
-        violation=float(t.slacks.max()),
-        solve_time=solve_time,
-        iterations=iterations,
-    )
+    violation = float(t.slacks.max())
+    return MpcSolution(t.u, t.x, t.chi, status, t.merit, violation, solve_time, iterations)
 
 
 @dc.dataclass(frozen=True)
@@ -180,7 +172,7 @@ class QpSolver:
 
     def __init__(self, size: int, rows: int, slack_weight: float):
         self._clarabel, self._weight = ClarabelSolver(), slack_weight
-        self._options = solver_options({ClarabelSolver.id(): _CLARABEL})
+        self._options: Any = SolverOptions(options={"Clarabel": _CLARABEL})
         self._soft = [
             SoftProgram(size, m, slack_weight) for m in sorted({min(rows, _CRITICAL_ROWS), rows})
         ]
@@ -326,15 +318,6 @@ class SoftProgram:
         self._D[:, : self._size] = rows.jacobian
         self._D[:, self._size :] = -np.eye(KINDS)[rows.kind]
         self._rows.UpdateCoefficients(self._D, self._low, -rows.excess)
-
-
-def solver_options(options: Mapping[SolverId, Mapping[str, float | int | str]]) -> Any:
-    """Return Drake's SolverOptions from options by solver and name."""
-    result = SolverOptions()
-    for solver, entries in options.items():
-        for name, value in entries.items():
-            result.SetOption(solver, name, value)
-    return result
 
 
 class _ExpectedEarlyEnds(logging.Filter):

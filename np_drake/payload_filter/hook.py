@@ -152,7 +152,11 @@ def _regress(
             gram += share * np.outer(X, X)
             right += share * (rest[k] - level) * X
     torques = torques + 1
-    levels, errors = _filtered(gains, levels, errors, torques, rest, step)
+    error, share = rest - levels, 0.0  # no filter forecast the first
+    if torques[0] > 1:
+        share = max(step / LONGEST_MEAN, 1.0 / (torques[0] - 1))
+    levels = levels + np.maximum(gains, 1.0 / torques[0]) * error
+    errors = errors + share * (error**2 - errors)
     columns = columns + np.maximum(gains, 1.0 / torques[0]).reshape(-1, 1, 1) * (column - columns)
     steady = np.empty(3)
     inverse, _ = inverted(gram + np.eye(3) / deviation**2)
@@ -162,20 +166,6 @@ def _regress(
         level, usual = _on_axis(k, weight, levels, columns)
         steady[k] = level - np.sum(usual * shift)
     return levels, errors, torques, columns, gram, right, shift, steady
-
-
-@compiled
-def _filtered(gains, levels, errors, torques, torque, step):
-    """Return levels and errors after one more torque (3,) [N·m]; `torques` (1,) counts the new
-    one.
-    """
-    error = torque - levels
-    share = 0.0  # no filter forecast the first
-    if torques[0] > 1:
-        share = max(step / LONGEST_MEAN, 1.0 / (torques[0] - 1))
-    return levels + np.maximum(gains, 1.0 / torques[0]) * error, errors + share * (
-        error**2 - errors
-    )
 
 
 @compiled

@@ -74,8 +74,6 @@ class PayloadFilter:
         )  # step in the time unit of the paper's vehicle [s]
         self._hook = np.asarray(model.hook, float)
         self._cross = attitude.skew(self._hook)
-        self._rate_torque = np.asarray(model.rate_torque, float)
-        self._speed_torque = np.asarray(model.speed_torque, float)
 
     @classmethod
     def load(cls, path: str | Path) -> "PayloadFilter":
@@ -87,13 +85,11 @@ class PayloadFilter:
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample."""
-        x = np.zeros(13)
-        x[3] = 1.0
         hovering = np.array([self.model.mass * self.model.gravity, 0.0, 0.0, 0.0])
         return {
             **self.bank.initial_memory(),
             **initial_lag(self.rotor_lag, hovering),
-            "x": x,
+            "x": np.eye(13)[3],
             "acting": hovering,
             "labels": np.full((2, 3), np.nan),
             "variance": np.full(3, FIRST_NOISE**2),
@@ -129,7 +125,7 @@ class PayloadFilter:
             least = self.bank.options.least_noise
             noise = _take_noise(*known, force, self._noise_share, least)
             new |= dict(zip(NOISE, noise, strict=True))
-            torque = chi[3:] - motion_torque(x, self._rate_torque, self._speed_torque)
+            torque = chi[3:] - motion_torque(x, self.model.rate_torque, self.model.speed_torque)
             new |= self._lag_hook_and_level(new, torque, missing[1:])
         return new
 
@@ -179,7 +175,7 @@ class PayloadFilter:
         """Return the forecast over `horizon` steps of `stride * self.step` seconds along a plan at
         these steps.
         """
-        some = np.flatnonzero(memory["weight"] >= LEAST_WEIGHT)
+        some = memory["weight"] >= LEAST_WEIGHT
         weight = memory["weight"][some] / memory["weight"][some].sum()
         points, step = memory["mean"][some], stride * self.step
         hook, mass, gravity = self._hook + memory["shift"], self.model.mass, self.model.gravity
@@ -190,8 +186,8 @@ class PayloadFilter:
             plan.u,
             memory["acting"],
             memory["steady"],
-            self._rate_torque,
-            self._speed_torque,
+            self.model.rate_torque,
+            self.model.speed_torque,
             hook,
             mass,
             gravity,

@@ -17,6 +17,7 @@ from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import RAW, PayloadFilter
 from np_drake.residual_model import Memory, Sample
 from np_drake.rigid_body import Q, V, W
+from np_drake.rotor_input import with_rotor_lag
 from np_drake.trained_model import origin_of
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.actuator_timing import delayed, learned_timing
@@ -69,9 +70,8 @@ def train_payload_filter(
     for (log, _), flight in zip(logs, samples, strict=True):
         require(
             len(torque_steps(flight)),
-            f"payload_filter: flight {log.name} must have torque labels at "
-            f"neighbouring samples (command and "
-            "angular acceleration in the same rows); got none.",
+            f"payload_filter: flight {log.name} must have torque labels at neighbouring samples "
+            "(command and angular acceleration in the same rows); got none.",
         )
     hook = np.zeros(3)
     for done in (1, 2):
@@ -115,8 +115,7 @@ def flight_samples(
         delay: of commands, before the lag [s].
     """
     log = delayed(log, delay)
-    lagged = dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or rotor_lag)
-    flight = picked_flight(log, lagged, step=step, label=RAW)
+    flight = picked_flight(log, with_rotor_lag(vehicle, rotor_lag), step=step, label=RAW)
     return [flight.sample(k) for k in range(len(flight))]
 
 

@@ -49,31 +49,31 @@ class ReferenceConfig:
 
         Raises: ValueError: on an unknown track or an impossible size.
         """
-        who = "ReferenceConfig:"
         check_fields(self, "ReferenceConfig")
         require(
             self.track in TRACKS or self.is_file,
-            f"{who} track must be one of {', '.join(TRACKS)} or a CSV file; got {self.track!r}.",
+            f"ReferenceConfig: track must be one of {', '.join(TRACKS)} or a CSV file; got "
+            f"{self.track!r}.",
         )
         require(
             self.track != "vertical" or self.rise < self.height,
-            f"{who} rise must be below height, or the track leads into the ground; got "
+            "ReferenceConfig: rise must be below height, or the track leads into the ground; got "
             f"{self.rise}, {self.height} [m].",
         )
         require(
             self.band[0] < self.band[1],
-            f"{who} band must be a lower and a higher frequency; got {self.band}.",
+            f"ReferenceConfig: band must be a lower and a higher frequency; got {self.band}.",
         )
         require(
             self.dither_frequencies and all(0 < f < np.inf for f in self.dither_frequencies),
-            f"{who} dither_frequencies must be positive and finite [Hz]; got "
+            "ReferenceConfig: dither_frequencies must be positive and finite [Hz]; got "
             f"{self.dither_frequencies}.",
         )
         if self.is_file:
             self._file()
         require(
             self.is_file or self.corners == ROUND,
-            f"{who} corners is for the waypoints of a CSV file; got {self.corners} and "
+            f"ReferenceConfig: corners is for the waypoints of a CSV file; got {self.corners} and "
             f"{self.track}.",
         )
         return self

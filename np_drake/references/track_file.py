@@ -60,13 +60,16 @@ class Trajectory:
         )
         within = max(resolution(p), min(float(drift), CRUDEST))
         self._spline = _along(t - t[0], np.asarray(p, float), *rests, within=within)
-        self.starts_at_rest, self._rests_at_end = rests
+        self.starts_at_rest = rests[0]
         self.lead = 0.0 if self.starts_at_rest else min(ramp, self._duration)
         self.end = self._duration + 0.5 * self.lead
-        last = np.stack([self._spline(self._duration, k) for k in range(4)])
-        self._brake = max(SHORTEST_BRAKE, float(np.linalg.norm(last[1])) / BRAKING)
-        self._speeds = _braking(last[1:], self._brake)
-        self._last = last[0]
+        # of degree 6 from velocity, acceleration and jerk of the end to rest, three derivatives too
+        rates = [self._spline(self._duration, k) * (not rests[1]) for k in (1, 2, 3)]
+        self._brake = max(SHORTEST_BRAKE, float(np.linalg.norm(rates[0])) / BRAKING)
+        speed = scipy.interpolate.BPoly.from_derivatives(
+            [0.0, self._brake], [rates, np.zeros((4, 3))]
+        )
+        self._stop = speed.antiderivative()
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
@@ -82,21 +85,10 @@ class Trajectory:
         flat[1:, time < 0.0] = 0.0
         over = time > self._duration
         if over.any():
-            flat[:, over] = self._after(time[over] - self._duration)
-        return flat
-
-    def _after(self, since: np.ndarray) -> np.ndarray:
-        """Return p and its four derivatives, (5, n, 3), at times (n,) after the last row [s]."""
-        flat = np.zeros((5, len(since), 3))
-        flat[0] = self._last
-        if self._rests_at_end:
-            return flat
-        s = np.minimum(since / self._brake, 1.0)
-        for axis, speed in enumerate(self._speeds):
-            flat[0, :, axis] += self._brake * speed.integ()(s)
-            for k in range(4):
-                flat[k + 1, :, axis] = (speed.deriv(k) if k else speed)(s) / self._brake**k
-        flat[1:, since >= self._brake] = 0.0
+            since = np.minimum(time[over] - self._duration, self._brake)
+            flat[1:, over] = 0.0
+            flat[:, over] += np.stack([self._stop(since, k) for k in range(5)])
+            flat[1:, time >= self._duration + self._brake] = 0.0  # and no rounding
         return flat
 
 
@@ -168,21 +160,6 @@ def resolution(p: np.ndarray) -> float:
         if np.max(np.abs(p - np.round(p, decimals))) < 1e-12:
             return 10.0**-decimals
     return FINEST
-
-
-def _braking(last: np.ndarray, duration: float) -> list[np.polynomial.Polynomial]:
-    """Return the velocity of each axis over the share of the duration: from `last` to rest, of
-    degree 6.
-
-    It has the velocity, acceleration and jerk `last` (3, 3) at 0; it and three derivatives vanish
-    at 1.
-    """
-    orders = [*((0.0, k) for k in range(3)), *((1.0, k) for k in range(4))]
-    powers = [np.polynomial.Polynomial.basis(i) for i in range(7)]
-    system = np.array([[(b.deriv(k) if k else b)(s) for b in powers] for s, k in orders])
-    scale = duration ** np.arange(3.0)
-    targets = np.concatenate([last * scale[:, None], np.zeros((4, 3))])
-    return [np.polynomial.Polynomial(c) for c in np.linalg.solve(system, targets).T]
 
 
 FileTrack = Waypoints | PointToPoint | Trajectory
@@ -358,9 +335,8 @@ def _check_slopes(
     )  # of the first, if any
     if error[row, axis] > allowed:
         raise table.error(
-            f"must be the slope of the positions, {slopes[row, axis]:.3g}, within "
-            f"{allowed:.2g}; got "
-            f"{given[row, axis]:.3g}. Correct it, or leave {', '.join(names)} out.",
+            f"must be the slope of the positions, {slopes[row, axis]:.3g}, within {allowed:.2g}; "
+            f"got {given[row, axis]:.3g}. Correct it, or leave {', '.join(names)} out.",
             column=names[axis],
             row=int(row),
         )
@@ -382,9 +358,8 @@ def write_trajectory(
     duration = getattr(reference, "end", np.inf) if duration is None else duration
     require(
         0 < rate < np.inf and 0 < duration < np.inf,
-        f"write_trajectory: rate [Hz] and duration [s] must be positive and finite; "
-        f"got {rate}, {duration}. "
-        "Name the duration of a motion without an end.",
+        f"write_trajectory: rate [Hz] and duration [s] must be positive and finite; got {rate}, "
+        f"{duration}. Name the duration of a motion without an end.",
     )
     t = np.arange(max(LEAST_ROWS, round(duration * rate) + 1)) / rate
     values = np.concatenate(reference.sample(t)[:3], axis=1).T

@@ -165,7 +165,9 @@ class Waypoints:
             self._spline = scipy.interpolate.make_interp_spline(
                 _times(gaps), through, k=DEGREE, bc_type=(free, free)
             )
-        self._speed = speed / self._stretch()
+        at = np.linspace(0.0, self._length, SAMPLES * len(self._spline.t))
+        way = np.linalg.norm(np.diff(self._spline(at), axis=0), axis=1).sum()
+        self._speed = speed / float(way / self._length)  # of the parameter
         self.lap = self._length / self._speed
         self.lead = min(ramp, self.lap)
         self.end = np.inf if self.closed else self.lap + self.lead
@@ -182,11 +184,6 @@ class Waypoints:
             phase -= ramped_phase(t - self.lap, self._speed, self.lead)
             at = np.clip(phase[0], 0.0, self._length)
         return compose(np.stack([self._spline(at, k) for k in range(5)]), phase)
-
-    def _stretch(self) -> float:
-        """Return the mean length along the track over its parameter [1]."""
-        at = np.linspace(0.0, self._length, SAMPLES * len(self._spline.t))
-        return float(np.linalg.norm(np.diff(self._spline(at), axis=0), axis=1).sum() / self._length)
 
 
 def is_closed(points: np.ndarray) -> bool:

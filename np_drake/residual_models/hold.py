@@ -139,11 +139,9 @@ class DisturbanceObserver:
             return {**memory, "zeta": predicted, "x": x, "acting": acting}
         error = rigid_body.zeta(sample.x) - predicted
         impulse = self._l2 * error / self.step
-        chi = memory["chi"].copy()
-        chi[:3] += self._vehicle.mass * impulse[:3]
-        chi[3:] += self._vehicle.J @ impulse[3:]
+        wrench = [self._vehicle.mass * impulse[:3], self._vehicle.J @ impulse[3:]]
         return {
-            "chi": chi,
+            "chi": memory["chi"] + np.concatenate(wrench),
             "zeta": predicted + self._l1 * error,
             "x": sample.x,
             "acting": acting,

@@ -24,7 +24,7 @@ from np_drake.residual_models.motion_model import (
     WrenchNetwork,
     fit_gaussian_process,
 )
-from np_drake.rotor_input import acting_command
+from np_drake.rotor_input import acting_command, with_rotor_lag
 from np_drake.trained_model import origin_of, with_origin
 from np_drake.training_data.actuator_timing import learned_rotor_lag
 from np_drake.training_data.segments import Flight, WrenchSequence, finite_runs, group_scale
@@ -49,20 +49,12 @@ def train_on_flights(
     """
     logs = [(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)]
     lag = learned_rotor_lag(logs)
-    segments = [s for f in flights for s in _lagged(f, lag).segments(step, label)]
+    lagged = [dc.replace(f, vehicle=with_rotor_lag(f.vehicle, lag)) for f in flights]
+    segments = [s for f in lagged for s in f.segments(step, label)]
     result = train(segments, config, on_epoch=on_epoch)
     vehicle = flights[0].vehicle
     origin = origin_of(flights[0].frame, vehicle, label or default_labels(vehicle))
     return dc.replace(result, model=with_origin(result.model, origin, rotor_lag=lag))
-
-
-def _lagged(flight: Flight, lag: float) -> Flight:
-    """Return the flight, its labels those of a flight with a model that knows the lag [s]; a lag
-    that the vehicle names takes precedence.
-    """
-    vehicle = flight.vehicle
-    known = vehicle.rotor_time_constant or lag
-    return dc.replace(flight, vehicle=dc.replace(vehicle, rotor_time_constant=known))
 
 
 @dc.dataclass(frozen=True)
@@ -231,13 +223,12 @@ def _windows(
         raise ValueError(
             f"knode: all logs must share one step [s]; got {steps.min()} to {steps.max()}."
         )
-    H, x, u = config.window, [], []
-    for piece in pieces:
-        for k in range(0, len(piece.x) - H, config.spacing):
-            x.append(piece.x[k : k + H + 1])
-            u.append(piece.u[k : k + H])
-    require(x, f"knode: at least {H + 1} rows in one piece are needed; got none so long.")
-    return torch.from_numpy(np.array(x)), torch.from_numpy(np.array(u)), float(steps[0])
+    H = config.window
+    starts = [(p, k) for p in pieces for k in range(0, len(p.x) - H, config.spacing)]
+    require(starts, f"knode: at least {H + 1} rows in one piece are needed; got none so long.")
+    x = np.array([piece.x[k : k + H + 1] for piece, k in starts])
+    u = np.array([piece.u[k : k + H] for piece, k in starts])
+    return torch.from_numpy(x), torch.from_numpy(u), float(steps[0])
 
 
 CONFIGURATIONS: dict[str, GaussianProcessConfig | KnodeConfig] = {

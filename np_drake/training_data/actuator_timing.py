@@ -12,6 +12,7 @@ from np_drake import attitude
 from np_drake.command_delay import believed_before
 from np_drake.flight_log import FlightLog
 from np_drake.labels import raw_labels
+from np_drake.rotor_input import with_rotor_lag
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios
 
@@ -108,9 +109,7 @@ def _restlessness(flights: Sequence[tuple[FlightLog, Vehicle]], lag: float = 0.0
     """
     steps = []
     for log, vehicle in flights:
-        raw = raw_labels(
-            log, dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
-        )
+        raw = raw_labels(log, with_rotor_lag(vehicle, lag))
         along = np.sum(raw[:, :3] * attitude.body_z(log.q), axis=1)
         steps.append(np.diff(np.column_stack([along, raw[:, 3:5]]), axis=0))
     moved = np.concatenate(steps)

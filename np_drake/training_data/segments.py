@@ -29,8 +29,8 @@ from np_drake.vehicle import Vehicle
 class WrenchSequence:
     """Whole wrench chi and motion zeta of one flight at a fixed step.
 
-    step: time between rows [s].   chi: (n, 6) [force, torque] [N, N·m]; the torque is in body axes.
-    zeta: (n, 6) [velocity, body rates] [m/s, rad/s].   frame: of force and velocity, "world" | "body".
+    step: time between rows [s].   chi: (n, 6) [force, torque], [N, N·m]; the torque is in body axes.
+    zeta: (n, 6) [velocity, body rates], [m/s, rad/s].   frame: of force and velocity, "world" | "body".
     A row with NaN has no label.
     """  # noqa: E501
 
@@ -321,12 +321,22 @@ class Flight:
         return self.data.frame if isinstance(self.data, WrenchSequence) else "world"
 
     def segments(self, step: float, label: LabelConfig | None = None) -> list[Segment]:
-        """Return the training input, a sample every `step` [s] (an array keeps its own step).
+        """Return the uninterrupted pieces as training input, a sample every `step` [s] (an array
+        keeps its own step).
+
+        chi: causal labels, as seen in flight; target: zero-phase labels. An array's wrench is both.
 
         Args:
             step: time between samples [s].
+            label: low-pass; None: that of the vehicle.
+        Raises: ValueError: if the step does not fit the log.
         """
-        return training_segments(self.data, self.vehicle, label, step=step)
+        flight = self.data
+        if isinstance(flight, WrenchSequence):
+            return _pieces(flight.chi, flight.zeta, flight.chi, flight.step)
+        late = round((label or default_labels(self.vehicle)).force_delay / step)
+        made = labelled_rows(_usable(flight), self.vehicle, label, step=step)
+        return [dc.replace(piece, late=late) for piece in _pieces(*made, step)]
 
 
 def require_torque(log: FlightLog) -> FlightLog:
@@ -342,9 +352,8 @@ def require_torque(log: FlightLog) -> FlightLog:
         )
     require(
         not len(log) or np.isfinite(log.u[:, 1:]).any(),
-        f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, "
-        f"or throttle1 … throttle4 "
-        f"with a vehicle file) for its wrench; its input is {log.input}.",
+        f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, or "
+        f"throttle1 … throttle4 with a vehicle file) for its wrench; its input is {log.input}.",
     )
     return log
 
@@ -358,9 +367,8 @@ def require_motion(flights: Sequence[Flight]) -> None:
     if len(spreads) and np.all(spreads < STILL):
         v, w = spreads[:, :3].max(), spreads[:, 3:].max()
         raise ValueError(
-            f"train: the vehicle must move in the logs; velocity varies by {v:.2g} m/s, "
-            f"body rates by {w:.2g} rad/s. "
-            "Fly with more motion, or give --force."
+            f"train: the vehicle must move in the logs; velocity varies by {v:.2g} m/s, body "
+            f"rates by {w:.2g} rad/s. Fly with more motion, or give --force."
         )
 
 
@@ -377,29 +385,6 @@ def _spread_of_motion(data: FlightLog | WrenchSequence) -> np.ndarray:
     if blocks < 2:
         return np.std(zeta, axis=0) if len(zeta) else np.zeros(6)
     return np.std(zeta[: blocks * rows].reshape(blocks, rows, 6).mean(axis=1), axis=0)
-
-
-def training_segments(
-    flight: FlightLog | WrenchSequence,
-    vehicle: Vehicle,
-    config: LabelConfig | None = None,
-    *,
-    step: float = 0.02,
-) -> list[Segment]:
-    """Return the uninterrupted pieces of one flight, a sample every `step` [s] (an array keeps its
-    own step).
-
-    chi: causal labels, as seen in flight; target: zero-phase labels. An array's wrench is both.
-
-    Args:
-        step: time between samples [s].
-    Raises: ValueError: if the step does not fit the log.
-    """
-    if isinstance(flight, WrenchSequence):
-        return _pieces(flight.chi, flight.zeta, flight.chi, flight.step)
-    late = round((config or default_labels(vehicle)).force_delay / step)
-    made = labelled_rows(_usable(flight), vehicle, config, step=step)
-    return [dc.replace(piece, late=late) for piece in _pieces(*made, step)]
 
 
 def flown_segments(

@@ -111,23 +111,19 @@ def _sources(m: Measured, lever: float) -> dict[str, str]:
     )
     return {
         "mass": "given: with battery, without payload",
-        "inertia": f"estimated: {100 * AT_ROTORS:g} % of the mass at the four rotors, the rest "
-        f"a solid cylinder whose "
-        "radius and height are half an arm",
+        "inertia": f"estimated: {100 * AT_ROTORS:g} % of the mass at the four rotors, the rest a "
+        "solid cylinder whose radius and height are half an arm",
         "rotor_positions": f"wheelbase of {m.wheelbase:g} m, in the order of {layout.source}: "
         f"{corners}, which is that "
         "of the rotor columns of a log; the middle is taken as the centre of mass",
         "rotor_directions": f"{m.props}wards at the front; 1 turns clockwise, seen from above",
         "thrust_coefficient": f"estimated: C_T = {THRUST_NUMBER:g} of a propeller of "
-        f"{m.propeller:g} m in air of "
-        f"{AIR:g} kg/m³",
-        "torque_coefficient": f"estimated: figure of merit {FIGURE_OF_MERIT:g}, momentum "
-        f"theory; {lever:.3g} m times "
-        "the thrust coefficient",
+        f"{m.propeller:g} m in air of {AIR:g} kg/m³",
+        "torque_coefficient": f"estimated: figure of merit {FIGURE_OF_MERIT:g}, momentum theory; "
+        f"{lever:.3g} m times the thrust coefficient",
         "rotor_radius": "half of the propeller diameter",
-        "max_rotor_thrust": f"estimated: a quarter of the weight over "
-        f"{m.hover_throttle:g}{power}, {m.curve} in "
-        "throttle",
+        "max_rotor_thrust": "estimated: a quarter of the weight over "
+        f"{m.hover_throttle:g}{power}, {m.curve} in throttle",
         "rotor_time_constant": "not estimated",
         "mass_uncertainty": scale,
         "thrust_uncertainty": thrust,

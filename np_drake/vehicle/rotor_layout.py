@@ -54,18 +54,16 @@ class RotorLayout:
         if apart > NEAR:
             found = ", ".join(f"[{x:.3g}, {y:.3g}, 0]" for x, y in self.positions)
             raise ValueError(
-                f"its rotors ({self.source}) must be where the vehicle file has them; one "
-                f"is {apart:.2g} arms away "
-                f"from the nearest. Write rotor_positions: [{found}], "
-                f"or measured ones."
+                f"its rotors ({self.source}) must be where the vehicle file has them; one is "
+                f"{apart:.2g} arms away from the nearest. Write rotor_positions: [{found}], or "
+                "measured ones."
             )
         turns = np.array(self.directions, float)[order]
         if np.any(turns * np.asarray(directions, float) < 0):
             wanted = [int(t or d) for t, d in zip(turns, directions, strict=True)]
             raise ValueError(
-                f"its rotors ({self.source}) turn the other way than those of the vehicle "
-                f"file. Write "
-                f"rotor_directions: {wanted} there if the log is right."
+                f"its rotors ({self.source}) turn the other way than those of the vehicle file. "
+                f"Write rotor_directions: {wanted} there if the log is right."
             )
         return order
 

@@ -82,10 +82,10 @@ def checked_intervals(vehicle: Any) -> Intervals:
             source.strip() and len(source) <= LONGEST and source.replace(NBSP, " ").isprintable(),
             f"sources: {field} must be one line of at most {LONGEST} characters; got {source!r}.",
         )
-    pairs = {}
-    for field, given in vehicle.intervals.items():
-        pairs[field] = _pairs(field, given, _known("intervals", field, known))
-    return pairs
+    return {
+        field: _pairs(field, given, _known("intervals", field, known))
+        for field, given in vehicle.intervals.items()
+    }
 
 
 def without(statements: Mapping[str, Any], *fields: str) -> dict[str, Any]:

@@ -172,17 +172,17 @@ def vehicle_rows(name: str | Path) -> list[Row]:
         source = vehicle.sources.get(field) or (FROM_FILE if field in named else DEFAULT)
         known = value is not None or field in vehicle.sources
         if known and (field in named or stated(vehicle, field)):
-            rows += _rows(field, value, vehicle.intervals.get(field), source)
+            unit = UNITS.get(field, "") if value is not None else ""
+            rows += _rows(field, value, unit, vehicle.intervals.get(field), source)
             for part in parts_of(field, vehicle.sources | vehicle.intervals):
-                shown = with_unit(_shown(value_of(part, everything)), UNITS[field])
-                interval = vehicle.intervals.get(part)
-                told = interval_text(interval) if interval else ""
-                rows.append(Row(part, shown, told, vehicle.sources.get(part, "")))
+                said = vehicle.intervals.get(part), vehicle.sources.get(part, "")
+                rows += _rows(part, value_of(part, everything), unit, *said)
     return rows
 
 
-def _rows(field: str, value: Any, pairs: list[list[float]] | None, source: str) -> list[Row]:
-    unit = UNITS.get(field, "") if value is not None else ""
+def _rows(
+    field: str, value: Any, unit: str, pairs: list[list[float]] | None, source: str
+) -> list[Row]:
     lines = [value] if np.ndim(value) < 2 else value
     size = np.size(lines[0])
     made = []

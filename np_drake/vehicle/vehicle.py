@@ -354,9 +354,8 @@ class Vehicle:
         )
         _require(
             self.calibration.rotor_inertia <= self.inertia[2][2],
-            f"calibration.rotor_inertia must be below that of the vehicle, "
-            f"{self.inertia[2][2]:g} kg·m²; got {self.calibration.rotor_inertia:g}. Is it in "
-            "kg·m²?",
+            f"calibration.rotor_inertia must be below that of the vehicle, {self.inertia[2][2]:g} "
+            f"kg·m²; got {self.calibration.rotor_inertia:g}. Is it in kg·m²?",
         )
 
     def _check_rotors(self) -> None:
@@ -440,7 +439,7 @@ class Vehicle:
 
     @cached_property
     def mixer(self) -> np.ndarray:
-        """Map from rotor thrusts [N] to u = [f_u, tau_m] [N, N·m], (4, 4)."""
+        """Map from rotor thrusts [N] to u = [f_u, tau_m], [N, N·m], (4, 4)."""
         p = np.array(self.rotor_positions, float)
         kappa = self.torque_coefficient / self.thrust_coefficient
         return np.stack(
@@ -449,7 +448,7 @@ class Vehicle:
 
     @cached_property
     def unmixer(self) -> np.ndarray:
-        """Map from u = [f_u, tau_m] [N, N·m] to rotor thrusts [N], (4, 4)."""
+        """Map from u = [f_u, tau_m], [N, N·m], to rotor thrusts [N], (4, 4)."""
         return np.linalg.inv(self.mixer)
 
     @property

@@ -73,6 +73,6 @@ def test_a_formula_is_mathml_and_the_site_fetches_nothing():
     assert "https://" not in settings
     assert "extra_javascript" not in settings
     page = '<span class="arithmatex">\\(a &lt; b\\)</span><div class="arithmatex">\\[x^2\\]</div>'
-    shown = runpy.run_path(str(ROOT / "docs" / "formulas.py"))["on_page_content"](page)
+    shown = runpy.run_path(str(ROOT / "docs" / "generated_tables.py"))["on_page_content"](page)
     assert shown.count("<math") == 2
     assert 'display="block"' in shown

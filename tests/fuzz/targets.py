@@ -181,10 +181,6 @@ def _track(folder: Path) -> list[bytes]:
     return [b"x,y,z\n0,0,1\n1,0,1\n1,1,1\n", b"t,x,y,z\n0,0,0,1\n1,0,0,2\n2,0,0,1\n"]
 
 
-def _record(path: Path) -> Any:
-    return kept_json(path)
-
-
 ODOMETRY = {"/rpm": stream(*(f"data[{i}]" for i in range(4)))}
 COPTER = {"ATT": stream("Roll", "Pitch", "Yaw"), "IMU.0": stream("GyrX", "GyrY", "GyrZ")}
 PX4 = {
@@ -237,6 +233,6 @@ TARGETS = {
         Target("pendulum_model", ".safetensors", PayloadFilterModel.load, _models),
         Target("motion_model", ".safetensors", MotionModel.load, _models),
         Target("json", ".json", read_json, _json),
-        Target("record", ".json", _record, _json),
+        Target("record", ".json", kept_json, _json),
     )
 }

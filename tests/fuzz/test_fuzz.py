@@ -11,8 +11,9 @@ import traceback
 from pathlib import Path
 
 import pytest
-from mutation import mutate
-from targets import TARGETS, Target, check
+
+from tests.fuzz.mutation import mutate
+from tests.fuzz.targets import TARGETS, Target, check
 
 CORPUS = Path(__file__).with_name("corpus")
 SECONDS = float(os.environ.get("NP_DRAKE_FUZZ_SECONDS", "0.4"))

@@ -15,6 +15,15 @@ from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 VEHICLE = Vehicle()
 
 
+def event(dut, context) -> None:
+    """Run the periodic update once."""
+    context.SetDiscreteState(dut.EvalUniquePeriodicDiscreteUpdate(context))
+
+
+def evaluate(dut, context, name: str) -> np.ndarray:
+    return dut.GetOutputPort(name).Eval(context)
+
+
 def random_state(seed: int) -> np.ndarray:
     x = np.random.default_rng(seed).normal(scale=2.0, size=13)
     x[2] = abs(x[2]) + 0.1

@@ -16,14 +16,11 @@ from systems.delay_estimator import DelayEstimator
 from systems.reference_source import ReferenceSource
 from systems.residual_predictor import ResidualPredictor
 from systems.wrench_oracle import WrenchOracle
+from tests.systems.conftest import evaluate, event
 
 STEP, VEHICLE, CONFIG = 0.02, Vehicle(), MpcConfig(horizon=5)
 LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0.5, 0, 0, 0, 0, 0])
 HOVER = VEHICLE.hover_input
-
-
-def evaluate(dut, context, name):
-    return dut.GetOutputPort(name).Eval(context)
 
 
 def estimator(known):
@@ -34,7 +31,7 @@ def estimator(known):
     for turn in range(1, 6):
         dut.GetInputPort("u").FixValue(context, turn * np.ones(4))
         if turn < 5:
-            context.SetDiscreteState(dut.EvalUniquePeriodicDiscreteUpdate(context))
+            event(dut, context)
     return dut, context
 
 

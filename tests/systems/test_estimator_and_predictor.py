@@ -18,16 +18,12 @@ from np_drake.vehicle import Vehicle
 from systems.neural_predictor import NeuralPredictor
 from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
+from tests.systems.conftest import event
 
 NP_MODEL = Path(__file__).parents[2] / "diagrams" / "models" / "learned_bank.safetensors"
 VEHICLE = Vehicle()
 LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
 CHI = np.array([0.5, -0.3, -2.5, 0.01, -0.02, 0.005])
-
-
-def event(dut, context):
-    """Runs the periodic update once."""
-    context.SetDiscreteState(dut.EvalUniquePeriodicDiscreteUpdate(context))
 
 
 def estimator():

@@ -9,6 +9,7 @@ from np_drake.mpc.sqp import SqpSolver
 from np_drake.references.base import Hover
 from np_drake.vehicle import Vehicle
 from systems.np_mpc import NpMpc
+from tests.systems.conftest import evaluate, event
 
 VEHICLE, CONFIG = Vehicle(), MpcConfig(horizon=10)
 LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
@@ -27,14 +28,6 @@ def mpc_at(x, *, solver=None, forecast=None, **options):
     return dut, context
 
 
-def event(dut, context):
-    context.SetDiscreteState(dut.EvalUniquePeriodicDiscreteUpdate(context))
-
-
-def evaluate(dut, context, name):
-    return dut.GetOutputPort(name).Eval(context)
-
-
 def test_an_autopilot_gets_the_plans_thrust_and_its_next_rates():
     dut, context = mpc_at(LEVEL + 0.2 * np.eye(13)[0])
     event(dut, context)
@@ -42,20 +35,6 @@ def test_an_autopilot_gets_the_plans_thrust_and_its_next_rates():
     assert thrust == evaluate(dut, context, "u")[0]
     np.testing.assert_array_equal(rates, evaluate(dut, context, "plan_x").reshape(-1, 13)[1, 10:])
     assert rates[1] < -0.1  # it leans back to where it belongs
-
-
-def test_a_failed_solve_flies_the_last_plan_one_period_on_and_says_so():
-    low = LEVEL.copy()
-    low[2] = 0.9
-    dut, context = mpc_at(low)
-    event(dut, context)
-    before = evaluate(dut, context, "plan_u").reshape(10, 4)
-    dut.GetInputPort("x").FixValue(context, np.full(13, np.nan))
-    event(dut, context)
-    after = evaluate(dut, context, "plan_u").reshape(10, 4)
-    assert evaluate(dut, context, "status")[0] == MpcStatus.SHIFTED_PLAN
-    # period is half a step
-    np.testing.assert_allclose(after[0], 0.5 * (before[0] + before[1]), atol=1e-12)
 
 
 class Slow:

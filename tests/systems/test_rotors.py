@@ -16,6 +16,7 @@ from systems.payload_config import PayloadConfig
 from systems.plant import set_hover
 from systems.rate_loop import RateLoopTorque
 from systems.tethered_quadrotor import make_tethered_quadrotor
+from tests.systems.conftest import evaluate
 
 LAG = 0.05  # [s]
 VEHICLE = dc.replace(Vehicle(), rotor_time_constant=LAG)
@@ -91,10 +92,6 @@ def flying(calibration):
     return dut, simulator, context
 
 
-def read(dut, context, name):
-    return dut.GetOutputPort(name).Eval(context)
-
-
 def test_a_thrust_about_the_true_centre_of_mass_hovers():
     calibration = Calibration(
         center_of_mass=[0.004, -0.006, 0.01], rotor_gains=[0.96, 1.02, 1.03, 0.99]
@@ -108,8 +105,8 @@ def test_a_thrust_about_the_true_centre_of_mass_hovers():
     actuators = dut.GetSubsystemByName("actuators")
     actuators.rest_at(actuators.GetMyMutableContextFromRoot(context), command)
     simulator.AdvanceTo(0.5)
-    np.testing.assert_allclose(read(dut, context, "rotor_thrust"), thrust, rtol=1e-6)
-    np.testing.assert_allclose(read(dut, context, "acceleration"), np.zeros(6), atol=1e-4)
+    np.testing.assert_allclose(evaluate(dut, context, "rotor_thrust"), thrust, rtol=1e-6)
+    np.testing.assert_allclose(evaluate(dut, context, "acceleration"), np.zeros(6), atol=1e-4)
 
 
 @pytest.mark.parametrize("lift, lag", [(1.2, 0.03), (0.8, 0.05)], ids=["up", "down"])
@@ -118,9 +115,9 @@ def test_a_command_arrives_late_and_lags_by_its_direction(lift, lag):
     dut.GetInputPort("u").FixValue(context, lift * NOMINAL.hover_input)
     hover = 0.25 * NOMINAL.mass * NOMINAL.gravity
     simulator.AdvanceTo(0.019)
-    np.testing.assert_allclose(read(dut, context, "rotor_thrust"), hover, rtol=1e-6)
+    np.testing.assert_allclose(evaluate(dut, context, "rotor_thrust"), hover, rtol=1e-6)
     simulator.AdvanceTo(0.021 + lag)  # one lag after it has arrived
-    speed = np.sqrt(read(dut, context, "rotor_thrust") / hover)
+    speed = np.sqrt(evaluate(dut, context, "rotor_thrust") / hover)
     share = (speed - 1) / (np.sqrt(lift) - 1)
     # the command steps at a multiple of 1 ms
     np.testing.assert_allclose(share, 1 - np.exp(-1), atol=0.02)

@@ -194,11 +194,6 @@ class Phi:
         """Number of lifted states."""
         return len(self.weights[-1])
 
-    @property
-    def lipschitz_bound(self) -> float:
-        """Product of the layers' largest singular values, per unit of chi / scale [1]."""
-        return float(np.prod([np.linalg.norm(W, 2) for W in self.weights]))
-
     def __call__(self, chi: np.ndarray) -> np.ndarray:
         """Return z (..., K) of chi (..., 6) [N, N·m]."""
         z = chi / self.scale

@@ -85,9 +85,7 @@ def flight_moments(
     power = np.minimum(_grouped(change), _grouped(np.var(Y, axis=0)))
     power[horizons == 0] = NOW * power[horizons > 0].min(axis=0)
     if symmetry > 0:
-        gram, cross = symmetrised(
-            gram, cross, [_turned(gram, cross, turn) for turn in TURNS], symmetry
-        )
+        gram, cross = symmetrised(gram, cross, slice(6), symmetry)
     return Moments(gram, cross, np.mean(Y**2, axis=0), np.maximum(power, 1e-12))
 
 
@@ -128,31 +126,29 @@ def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
 
 
 def symmetrised(
-    gram: np.ndarray,
-    cross: np.ndarray,
-    images: Sequence[tuple[np.ndarray, np.ndarray]],
-    share: float,
+    gram: np.ndarray, cross: np.ndarray, goals: slice, share: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return moments of which a share is averaged over their images.
+    """Return moments of which a share is averaged over those of the turned flights.
 
     Args:
+        gram: (p, p) of features, groups of six that turn and at most one constant.
+        cross: (p, ..., g) of features and goals.
+        goals: channels of chi that are the goals.
         share: of the average [1].
     """
-    grams, crosses = (np.mean(moments, axis=0) for moments in zip(*images, strict=True))
-    return (1 - share) * gram + share * grams, (1 - share) * cross + share * crosses
+    grams, crosses, turning = [], [], len(gram) // 6 * 6
+    T = np.eye(len(gram))
+    for turn in TURNS:
+        T[:turning, :turning] = np.kron(np.eye(turning // 6), turn)
+        grams.append(T.T @ gram @ T)
+        crosses.append(np.tensordot(T.T, cross, axes=1) @ turn[goals, goals])
+    mean_gram, mean_cross = np.mean(grams, axis=0), np.mean(crosses, axis=0)
+    return (1 - share) * gram + share * mean_gram, (1 - share) * cross + share * mean_cross
 
 
 def _grouped(square: np.ndarray) -> np.ndarray:
     """Sum (H, 6) over force and torque to (H, 2)."""
     return np.stack([square[:, group].sum(axis=1) for group in GROUPS], axis=1)
-
-
-def _turned(gram: np.ndarray, cross: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the moments of the turned flight."""
-    taps = (len(gram) - 1) // 12
-    T = np.eye(len(gram))
-    T[:-1, :-1] = np.kron(np.eye(2 * taps), turn)
-    return T.T @ gram @ T, np.einsum("ap,ahc,cd->phd", T, cross, turn, optimize=True)
 
 
 @dc.dataclass(frozen=True)
@@ -289,22 +285,12 @@ def fit_response(
             )
             floor = (energy @ (1.0 / left)).reshape(len(poles), len(poles))
             gram = gram + noise**2 * np.kron(floor, np.eye(6))
-        gram, cross = symmetrised(
-            gram, cross, [_turned_response(gram, cross, group, turn) for turn in TURNS], symmetry
-        )
+        gram, cross = symmetrised(gram, cross, group, symmetry)
         settled = (1.0 / (1.0 - poles)) / strength  # of a mode, per unit of B and of zeta held
         solution = np.linalg.solve(gram + np.diag(np.repeat(settled**2, 6)), cross)
         for i, channel in enumerate(range(*group.indices(6))):
             B[modes.places[channel]] = solution[:, i].reshape(-1, 6)
     return B
-
-
-def _turned_response(
-    gram: np.ndarray, cross: np.ndarray, group: slice, turn: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the moments of the turned flight."""
-    T = np.kron(np.eye(len(gram) // 6), turn)
-    return T.T @ gram @ T, T.T @ cross @ turn[group, group]
 
 
 LEVEL_MEMORY = 200.0  # time constant of what is held [s]

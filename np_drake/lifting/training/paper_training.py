@@ -74,12 +74,9 @@ class PhiModule(nn.Module):
         return z @ last.T
 
     def export(self) -> Phi:
-        """Return the map in numpy, normalised once more with exact singular values."""
-        exact = []
-        for W in self.weights():
-            array = W.detach().numpy()
-            exact.append(array * (self._layer_gain / np.linalg.norm(array, 2)))
-        return Phi(tuple(exact), self._scale.numpy().copy())
+        """Return the map in numpy."""
+        weights = tuple(W.detach().numpy() for W in self.weights())
+        return Phi(weights, self._scale.numpy().copy())
 
 
 def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
@@ -110,17 +107,12 @@ def _initial_weights(sizes: list[int], generator: torch.Generator) -> list[torch
     step ahead on a real flight the error is 0.8 of persistence's this way, and 8 times it from a
     plain random start.
     """
-    weights = []
-    for layer, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
+    weights, eye = [], torch.eye(6, dtype=torch.float64)
+    between = [torch.eye(12, dtype=torch.float64)] * (len(sizes) - 3)
+    carriers = [torch.cat([eye, -eye]), *between, torch.cat([eye, -eye], dim=1)]
+    for (inputs, outputs), carrier in zip(itertools.pairwise(sizes), carriers, strict=False):
         raw = torch.randn(outputs, inputs, generator=generator, dtype=torch.float64)
         raw = raw / torch.linalg.matrix_norm(raw, 2)
-        eye = torch.eye(6, dtype=torch.float64)
-        if layer == 0:
-            carrier = torch.cat([eye, -eye])
-        elif layer < len(sizes) - 2:
-            carrier = torch.eye(12, dtype=torch.float64)
-        else:
-            carrier = torch.cat([eye, -eye], dim=1)
         raw[: len(carrier)] = 0.0
         raw[: len(carrier), : carrier.shape[1]] = carrier
         weights.append(raw)
@@ -316,6 +308,9 @@ class PaperTrainer:
         with torch.no_grad():
             self.C.copy_(self._best_readout(self.phi(self._chi)))
         self.optimiser = torch.optim.Adam([*self.phi.raw, self.C], lr=config.learning_rate)
+        self._rate = torch.optim.lr_scheduler.CosineAnnealingLR(
+            self.optimiser, max(config.epochs, 1), config.learning_rate / 10
+        )
         self.epoch, self.history = 0, list[float]()
 
     def run_epoch(self) -> float:
@@ -323,17 +318,14 @@ class PaperTrainer:
         loss.
         """
         order = np.random.default_rng([self.config.seed, self.epoch]).permutation(len(self._chi))
-        fraction = self.epoch / max(self.config.epochs, 1)
-        rate = self.config.learning_rate * (0.55 + 0.45 * np.cos(np.pi * min(fraction, 1.0)))
         losses = []
         self._fit_priors()
-        for group in self.optimiser.param_groups:
-            group["lr"] = rate
         for start in range(0, len(order), self.config.batch):
             batch = torch.from_numpy(order[start : start + self.config.batch])
             loss = self.loss(self._chi[batch], self._zeta[batch])
             descend_once(self.optimiser, loss)
             losses.append(loss.item())
+        self._rate.step()
         self.epoch += 1
         self.history.append(float(np.mean(losses)))
         return self.history[-1]

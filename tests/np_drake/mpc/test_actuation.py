@@ -45,21 +45,6 @@ def test_commanded_rates_are_followed_by_the_loops_lag(by, point):
         np.testing.assert_allclose(x[10:], expected, rtol=2e-3)
 
 
-def test_jacobians_match_finite_differences(by, point):
-    x, T, chi = point
-    u, dynamics = by.mixer @ T, DiscreteDynamics(VEHICLE, 0.04, by)
-    dut, e = dynamics.linearise(x[None], u[None], chi[None]), 1e-6
-
-    def slope(at, size):
-        return np.transpose([(at(e * axis) - at(-e * axis)) / (2 * e) for axis in np.eye(size)])
-
-    of_x = slope(lambda d: dynamics.advance(x + d, u, chi), 13)
-    of_chi = slope(lambda d: dynamics.advance(x, u, chi + d), 6)
-    np.testing.assert_allclose(dut.Fx[0], np.hstack([of_x, of_chi]), atol=1e-7)
-    of_u = slope(lambda d: dynamics.advance(x, u + d, chi), 4)
-    np.testing.assert_allclose(dut.Fu[0], of_u, atol=1e-7)
-
-
 def test_the_driving_input_of_a_torque_gives_its_motion(by, point):
     x, _, chi = point
     u = np.array([19.0, 0.05, -0.03, 0.02])

@@ -1,11 +1,14 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.mpc.dynamics import DiscreteDynamics
+from np_drake.mpc.dynamics import Actuation, DiscreteDynamics
 from np_drake.rigid_body import state_derivative
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.vehicle import RateLoop
 
 SKEWED = Vehicle(
     inertia=[[0.02, 0.001, 0.002], [0.001, 0.025, -0.001], [0.002, -0.001, 0.035]]
@@ -39,14 +42,16 @@ def test_value_is_one_runge_kutta_step_of_eq_1(seed, skewed):
     np.testing.assert_allclose(found, runge_kutta(vehicle, x, u, chi), atol=1e-11)  # round-off
 
 
-@pytest.mark.parametrize("vehicle", [Vehicle().check(), SKEWED])
-def test_jacobians_match_finite_differences(vehicle):
-    x, u, chi = random_stages(5)
-    dut = DiscreteDynamics(vehicle, STEP).linearise(x, u, chi)
+@pytest.mark.parametrize("command", ["rotors", "rates"])
+def test_jacobians_match_finite_differences(command):
+    loop = RateLoop([0.05, 0.07, 0.2], [1.0, 0.9, 1.1])
+    by = Actuation.of(dc.replace(SKEWED, rate_loop=loop), command)
+    (x, u, chi), dynamics = random_stages(5), DiscreteDynamics(SKEWED, STEP, by)
+    dut = dynamics.linearise(x, u, chi)
     values = np.concatenate([x, chi, u], axis=1)
 
-    def step(y):
-        return runge_kutta(vehicle, y[:, :13], y[:, 19:], y[:, 13:19])
+    def step(values):
+        return np.array([dynamics.advance(y[:13], y[19:], y[13:19]) for y in values])
 
     eps = 1e-6
     numeric = np.stack(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from np_drake import attitude
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.mpc.horizon import Preparation, TerminalWeight, eliminate, hover_solution
+from np_drake.mpc.horizon import Preparation, eliminate, hover_solution
 from np_drake.mpc.problem import SolverFailure
 from np_drake.residual_model import WrenchForecast
 
@@ -26,7 +26,7 @@ def test_the_eliminated_system_forecasts_what_the_lifted_one_does(K, N, seed):
         rng.normal(size=(N, 6)),
     )
     zeta = rng.normal(size=(N, 6))
-    free, markov = eliminate(dut)
+    free, markov = eliminate(dut, N)
     assert markov.shape == (6, 6 * (N - 1) if K else 0)
     chi = free.copy()
     for i in range(1, N if K else 1):
@@ -77,7 +77,7 @@ HOVER = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def terminal_weight(vehicle, config, q_ref):
-    F = TerminalWeight(vehicle, config).factor(q_ref)
+    F = Preparation(vehicle, config).terminal_factor(q_ref)
     return F.T @ F
 
 

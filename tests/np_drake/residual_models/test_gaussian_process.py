@@ -30,14 +30,6 @@ def test_the_mean_is_that_of_scikit_learn(fitted):
     np.testing.assert_allclose(dut(ZETA[7]), expected[7], atol=1e-9)
 
 
-def test_the_jacobian_is_that_of_finite_differences(fitted):
-    dut, eps = fitted[1], 1e-6
-    steps = eps * np.eye(6)
-    numeric = np.stack([(dut(ZETA + e) - dut(ZETA - e)) / (2 * eps) for e in steps], axis=-1)
-    assert np.abs(numeric).max() > 0.1
-    np.testing.assert_allclose(dut.jacobian(ZETA), numeric, atol=1e-7)  # central differences
-
-
 def test_it_learns_from_a_hundred_samples_spread_over_the_flights():
     segments = [
         Segment(np.zeros_like(CHI), ZETA, 0.02, CHI),

@@ -69,13 +69,3 @@ def test_a_known_linear_drag_is_recovered_from_motion_alone(trained):
     assert rmse[:3].max() < 0.1  # [N] half the drag's RMS: the edges of few ReLUs
     assert rmse[3:].max() < 0.004  # [N·m] likewise
     assert loss[-1] < 0.01  # [1] of what the nominal model misses
-
-
-def test_the_jacobian_is_that_of_finite_differences(trained):
-    dut, zeta, eps = trained[0], np.random.default_rng(1).normal(size=(50, 6)), 1e-7
-    numeric = np.stack(
-        [(dut(zeta + e) - dut(zeta - e)) / (2 * eps) for e in eps * np.eye(6)], axis=-1
-    )
-    np.testing.assert_allclose(
-        dut.jacobian(zeta), numeric, atol=1e-6
-    )  # no edge of a ReLU within eps of these

@@ -39,6 +39,12 @@ def test_every_step_of_the_forecast_is_the_function_at_its_own_motion(dut):
     np.testing.assert_allclose(forecast.first, expected[0], atol=1e-12)
 
 
+def test_the_jacobian_is_that_of_finite_differences(dut):
+    g, zeta, eps = dut.reaction, RNG.normal(size=(50, 6)), 1e-6
+    slopes = [(g(zeta + e) - g(zeta - e)) / (2 * eps) for e in eps * np.eye(6)]
+    np.testing.assert_allclose(g.jacobian(zeta), np.stack(slopes, axis=-1), atol=1e-6)
+
+
 def test_the_file_gives_the_model_back(dut, tmp_path):
     path = tmp_path / "model.safetensors"
     dut.save(path)

@@ -11,8 +11,6 @@ from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLine
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.skill import walked_stability
-from np_drake.training_data.segments import of_wrenches
 
 D, STEP = 4, 0.02
 A = np.diag([0.9, 0.8, 0.95, 0.7, 0.6, 0.5])
@@ -145,32 +143,3 @@ def test_a_label_that_is_late_gives_the_wrench_of_now(late):
     memory = fed(dut, without(late_ones, (55,)))
     first = dut.forecast(memory, horizon=1, stride=1).first
     np.testing.assert_allclose(first, now[-1].chi, atol=1e-9)
-
-
-W = 12  # samples of the window
-
-
-def rotating(late: int = 0) -> LiftedModel:
-    generator, ones = np.random.default_rng(0), np.ones(6)
-    phi = Phi((generator.standard_normal((12, 6)), 0.3 * generator.standard_normal((8, 12))), ones)
-    own = np.linalg.qr(generator.standard_normal((8, 8)))[0] * 0.98
-    drive, C = generator.standard_normal((8, 6)), generator.standard_normal((6, 8))
-    system = LiftedLinearSystem(own, drive, C, STEP)
-    return LiftedModel(PAPER, system, phi, W, ones, ones, ridge=0.1, late=late)
-
-
-T = STEP * np.arange(60)[:, None]
-FLIGHT = np.sin(T * np.arange(1, 7)), np.cos(T * np.arange(7, 13))
-
-
-def test_every_window_is_counted_and_an_unstable_one_named():
-    flown = of_wrenches(*FLIGHT, STEP)
-    found = walked_stability(NeuralPredictor(rotating()), flown, W - 1)
-    assert (found.windows, found.unstable) == (60 - W + 1, 0)
-    assert 0 < found.largest <= 1.0
-    offline = dc.replace(
-        last_sample_model(), system=LiftedLinearSystem(1.3 * A, B, np.eye(6), STEP)
-    )
-    found = walked_stability(NeuralPredictor(offline), flown, D - 1)
-    assert (found.windows, found.unstable) == (57, 57)
-    assert found.largest == pytest.approx(1.3 * 0.95)

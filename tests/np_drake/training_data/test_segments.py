@@ -6,12 +6,7 @@ import numpy as np
 
 from np_drake import labels
 from np_drake.flight_log import FlightLog
-from np_drake.training_data.segments import (
-    WrenchSequence,
-    flown_segments,
-    sampled_flight,
-    training_segments,
-)
+from np_drake.training_data.segments import Flight, WrenchSequence, flown_segments, sampled_flight
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
@@ -63,7 +58,7 @@ def test_a_gap_has_no_label_keeps_the_command_and_is_bridged_for_training():
 
 
 def test_a_log_gives_causal_labels_and_zero_phase_targets(flight):
-    (dut,) = training_segments(flight, Vehicle(), step=0.02)
+    (dut,) = Flight(flight, Vehicle()).segments(0.02)
     np.testing.assert_array_equal(dut.chi, labels.labels(flight, Vehicle())[::2])
     np.testing.assert_array_equal(dut.goal, labels.smooth_labels(flight, Vehicle())[::2])
     np.testing.assert_array_equal(dut.zeta, flight.x[::2, 7:13])
@@ -71,19 +66,19 @@ def test_a_log_gives_causal_labels_and_zero_phase_targets(flight):
 
 
 def test_a_segment_in_time_has_each_label_beside_its_own_motion(flight):
-    (late,) = training_segments(flight, Vehicle(), step=0.02)
+    (late,) = Flight(flight, Vehicle()).segments(0.02)
     dut = late.in_time
     np.testing.assert_array_equal(dut.chi, late.chi[2:])
     np.testing.assert_array_equal(dut.zeta, late.zeta[:-2])
     np.testing.assert_array_equal(dut.goal, late.goal[:-2])
     assert dut.late == 0
-    (raw,) = training_segments(flight, Vehicle(), labels.LabelConfig(np.inf, np.inf), step=0.02)
+    (raw,) = Flight(flight, Vehicle()).segments(0.02, labels.LabelConfig(np.inf, np.inf))
     assert raw.late == 0
 
 
 def test_rows_without_a_label_part_the_flight(flight):
     flight.a[200:220] = np.nan
-    first, second = training_segments(flight, Vehicle(), step=0.01)
+    first, second = Flight(flight, Vehicle()).segments(0.01)
     assert (len(first), len(second)) == (200, 380)
     np.testing.assert_array_equal(second.zeta, flight.x[220:, 7:13])
 
@@ -91,7 +86,7 @@ def test_rows_without_a_label_part_the_flight(flight):
 def test_an_array_keeps_its_own_step_and_its_wrench():
     chi = np.random.default_rng(0).normal(size=(50, 6))
     array = WrenchSequence(0.0025, chi, 2 * chi, "body")
-    (dut,) = training_segments(array, Vehicle(), step=0.02)
+    (dut,) = Flight(array, Vehicle()).segments(0.02)
     np.testing.assert_array_equal(dut.chi, chi)
     np.testing.assert_array_equal(dut.goal, chi)
     assert (dut.step, dut.late) == (0.0025, 0)

@@ -1,6 +1,0 @@
-"""Modules of this folder, which the script and the tests share, come onto the path."""
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
