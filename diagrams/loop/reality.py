@@ -179,8 +179,7 @@ class RealityConfig:
             payload = library.SuspendedPayload(*hung.pendulum, *hung.hook, hung.air_damping)
         found: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]
         if hung.rope_mass:
-            riding = hung.mass + hung.rope_mass - hung.pendulum[0]
-            found.append(library.MassError(riding))
+            found.append(library.MassError(hung.mass + hung.rope_mass - hung.pendulum[0]))
         found += [*self.wrench_effects(), *([payload] if payload else [])]
         return [*found, *split_effects(self.added).measurement]
 

@@ -63,8 +63,7 @@ def train_model(
     controller, vehicle, log = flight.config.controller, flight.config.vehicle, scored_log(flight)
     step, label, flights = controller.period, controller.label, [Flight(log, vehicle)]
     if configuration in REACTIONS:
-        how: dict[str, Any] = {"step": step, "label": label, "seed": seed}
-        reaction, _ = train_motion_model(configuration, flights, **how)
+        reaction, _ = train_motion_model(configuration, flights, step=step, label=label, seed=seed)
         reaction.save(path)
         return reaction.summary
     if configuration in (PAYLOAD_FILTER, LEARNED_BANK):
@@ -132,8 +131,7 @@ def train_on_envelope(
         bank, course = learn_priors(
             FIRST, error, lambda done, total, least: advance(done / total, f"{100 * least:.3f} cm")
         )
-    learned = {"flights": count, "seed": run.seed}
-    return dc.replace(model, bank=bank, learned=learned), course
+    return dc.replace(model, bank=bank, learned={"flights": count, "seed": run.seed}), course
 
 
 def learn_priors(
