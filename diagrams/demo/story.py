@@ -9,8 +9,6 @@ from operator import call
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from diagrams.batch.run import FailedRun, as_they_finish
 from diagrams.gap.corrected import corrected_simulator
 from diagrams.gap.drake_replay import DrakeReplay
@@ -221,7 +219,7 @@ def _diagnose(
 def diagnosed(flight: FlightResult) -> FlightLog:
     """Return the part of the log of a flight that is diagnosed."""
     log, start = flight.log(), flight.config.reference.lead
-    first, last = np.searchsorted(log.t, [start - 1e-9, start + DIAGNOSED - 1e-9])
+    first, last = log.t.searchsorted([start - 1e-9, start + DIAGNOSED - 1e-9])
     return dc.replace(log.rows(int(first), int(last)), name=f"{flight.config.name}.csv")
 
 

@@ -134,7 +134,7 @@ class RealityConfig:
     @property
     def blows(self) -> bool:
         """Whether there is any wind."""
-        return bool(np.any(self.wind)) or self.gust > 0
+        return any(self.wind) or self.gust > 0
 
     def wrench_effects(self) -> list[WrenchEffect]:
         """Return the effects that add a wrench to the body, or move the air."""

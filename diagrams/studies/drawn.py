@@ -15,6 +15,7 @@ from typer import Option
 from diagrams.batch.run import Case, FailedRun, Report, Run, failures, results
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight_result import fly
+from diagrams.studies import tracking
 from diagrams.studies.draws import BEYOND, PLAIN, Envelope, drawn_flight
 from diagrams.studies.options import (
     DEFAULT_SOLVER,
@@ -27,13 +28,11 @@ from diagrams.studies.options import (
     tabulate,
 )
 from diagrams.studies.sweep import Row, choose_rows, fly_rows, named, tidy, training_config
-from diagrams.studies.tracking import DITHERED
-from diagrams.studies.tracking import ROWS as TRACKING_ROWS
 from np_drake import metrics
 from np_drake.vehicle import Vehicle
 
 PEER = "payload_filter"  # row beside which the others are shown
-ROWS = tuple(named(TRACKING_ROWS, name) for name in ("np", PEER, "hold"))
+ROWS = tuple(named(tracking.ROWS, name) for name in ("np", PEER, "hold"))
 SETTLED = 3.0  # after the ramp, before errors count [s]
 BEFORE, AFTER = (-1.0, -0.05), (1.5, 2.5)  # the levels of f_z are means over these [s]
 WATCHED = 3.0  # after an event, in which the error's peak is looked for [s]
@@ -95,7 +94,7 @@ def _report(
         "solver": solver,
         "seed": seed,
         "envelope": dc.asdict(envelope),
-        "training": settings_of(training_config(DITHERED, solver=solver)),
+        "training": settings_of(training_config(tracking.DITHERED, solver=solver)),
     }
     scenarios = [{"draw": draw, "seed": seed + 1} for draw in range(draws)]
     work = partial(flown, envelope=envelope, solver=solver)
@@ -179,8 +178,7 @@ def responses(found: pd.DataFrame) -> list[dict[str, Any]]:
             line[key] = float(values.median())
             line[f"{key}_95"] = float(np.quantile(values, 0.95, method="higher"))
             line[f"{key}_most"] = float(values.max())
-        line["soon"] = float((own["known"].astype(float) <= SOON).mean())
-        lines.append(line)
+        lines.append(line | {"soon": float((own["known"].astype(float) <= SOON).mean())})
     return lines
 
 

@@ -12,8 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from diagrams.batch.run import FailedRun, Run, as_they_finish, require
 from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import load_experiment
@@ -80,7 +78,7 @@ def train_model(
 def scored_log(flight: FlightResult) -> FlightLog:
     """Return the flight's log after the ramp."""
     log = flight.log()
-    return log.rows(int(np.argmax(flight.scored)), len(log))
+    return log.rows(int(flight.scored.argmax()), len(log))
 
 
 def flown_error(

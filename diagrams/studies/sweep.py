@@ -12,7 +12,6 @@ from collections.abc import Callable, Collection, Sequence
 from functools import cache, partial
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from diagrams.batch.run import Case, Record
@@ -42,7 +41,7 @@ class Row:
     name: str  # of the row
     kind: str
     known_mass: bool = False
-    hold_bandwidth: float = np.inf  # of kind hold [Hz]
+    hold_bandwidth: float = float("inf")  # of kind hold [Hz]
     training: str = ""  # experiment that the predictor is trained on
     configuration: str = ""  # of the predictor; gp, knode: their own name
     weight_swing: float = 0.0  # of the controller on the predicted swing [1/N²]

@@ -117,8 +117,7 @@ def table(summaries: Sequence[dict]) -> list[dict]:
             if base is not None:
                 line[f"{key}_cut"] = 1.0 - line[key] / float(base[key].mean())
         line["growth"] = float(of["growth"].mean())
-        line["solve_failures"] = int(of["solve_failures"].sum())
-        lines.append(line)
+        lines.append(line | {"solve_failures": int(of["solve_failures"].sum())})
     return lines
 
 
@@ -383,8 +382,10 @@ def hover(
     runs = [{"metrics": HOVER_LOST, **result} for result in results(records)]
     lines = hover_table(runs)
     controllers = {
-        row.name: configure(
-            "hover_swing", row, model=row.training and f"trained on {row.training}", **how
+        row.name: dc.asdict(
+            configure(
+                "hover_swing", row, model=row.training and f"trained on {row.training}", **how
+            ).controller
         )
         for row in rows
     }
@@ -394,10 +395,7 @@ def hover(
                 f"{run.title(learner='np ')}; ± 95 % interval of the mean", lines, HOVER_COLUMNS
             )
         ],
-        config={
-            **run.settings,
-            "controllers": {name: dc.asdict(c.controller) for name, c in controllers.items()},
-        },
+        config={**run.settings, "controllers": controllers},
         metrics={
             "table": lines,
             "runs": [{k: v for k, v in flown.items() if k != "course"} for flown in runs],
