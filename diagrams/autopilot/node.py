@@ -22,7 +22,6 @@ from pydrake.systems.primitives import PassThrough
 from diagrams.batch.run import Table, one_line
 from diagrams.loop.controllers import add_controller
 from diagrams.loop.flight import FlightConfig
-from diagrams.loop.flight_result import Watch
 from np_drake import attitude, metrics
 from np_drake.autopilot.mavlink import COMPANION, Codec, MavlinkLink, Said
 from np_drake.autopilot.offboard import (
@@ -56,7 +55,7 @@ PATIENCE = 0.7  # share of a tick that a solve may take [1]; source: own choice
 # share of the periods of `settle` that may lack an answer [1]; source: own choice
 LATE = 0.5
 HEIGHT_KEPT = 0.3  # over which the thrust that holds height is averaged [s]; source: own choice
-LOOKS = 0.5  # between two calls of the monitor, or two looks at a simulated flight [s]
+LOOKS = 0.5  # between two calls of the monitor [s]
 
 
 def make_companion_diagram(config: FlightConfig) -> Diagram:
@@ -525,8 +524,7 @@ def flight_metrics(node: Node, flown: FlightLog) -> dict[str, Any]:
     """Return time and errors of a flight, without the ramp where it lasted longer."""
     scored = flown.t >= node.config.reference.lead
     scored = scored if scored.any() else ~scored
-    reference = node.config.motion.sample(flown.t[scored])[0]
-    errors = metrics.tracking_errors(flown.p[scored], reference)
+    errors = metrics.tracking_errors(flown.p[scored], node.config.motion.sample(flown.t[scored])[0])
     return {"flown": float(flown.t[-1]), **errors}
 
 
@@ -574,14 +572,14 @@ def tables(node: Node) -> list[Table]:
     return shown
 
 
-class LinkedFlight(Watch):
+class LinkedFlight:
     """Simulated flight that takes its commands from a link: makes the controller of its vehicle,
-    sets the pace of the flight, and measures it.
+    and measures the pace of the flight.
 
     mean: simulated time over real time, at the last measurement [1].
     """
 
-    period, rate, mean = LOOKS, 1.0, 1.0
+    mean = 1.0
 
     def __init__(self, link: MavlinkLink):
         self.__name__ = "mavlink"  # of the controller, in the flight's files
@@ -592,13 +590,14 @@ class LinkedFlight(Watch):
         self._system = OffboardAutopilot(vehicle, self._link)
         return self._system
 
-    def begin(self, diagram: Diagram, context: Context) -> None:
-        """Begin to measure."""
-        self._begin = self._measured = np.array([context.get_time(), time.monotonic()])
-
     def factor(self, t: float) -> float:
-        """Return simulated time over real time since the last call, at a time of the flight [s]."""
+        """Return simulated time over real time since the last call, at a time of the flight [s]; 1
+        at its beginning.
+        """
         now = np.array([t, time.monotonic()])
+        if t == 0.0:
+            self._begin = self._measured = now
+            return self.mean
         (flown, passed), (all_flown, all_passed) = now - self._measured, now - self._begin
         self._measured, self.mean = now, all_flown / all_passed
         return flown / passed

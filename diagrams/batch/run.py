@@ -32,7 +32,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from np_drake.checks import require as require
+from np_drake.checks import require
 from np_drake.files.file_access import kept_json, plain, require_writable, write_text
 
 

@@ -25,7 +25,6 @@ from diagrams.gap.corrected import stated
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, fly
-from np_drake import metrics
 from np_drake.diagnosis.gap import manoeuvre
 from np_drake.effects.library import in_scenarios
 from np_drake.files.figure_file import PALETTE, Figure, new_figure
@@ -208,20 +207,18 @@ class Certificate:
         colour = [0.72, 0.86, 0.95] if self.answer == YES else [0.9] * 3
         ax.pcolormesh(*edges, np.where((self.cells != NO)[..., None], colour, 1.0))
         shares = np.array(self.flights["shares"].tolist())
-        failed, outside, grounded, gone = (
-            self.flights[of].to_numpy(bool) for of in ("failed", "outside", "grounded", "lost")
-        )
-        for which, style, said in (
-            (~failed, {"marker": ".", "color": "0.35", "s": 8}, "flown"),
-            (outside, {"marker": "^", "color": PALETTE[4], "s": 22}, f"beyond {self.within:g} m"),
-            (grounded, {"marker": "v", "color": PALETTE[2], "s": 22}, "payload below ground"),
-            (gone, {"marker": "x", "color": PALETTE[1], "s": 22}, "lost, or not flyable"),
+        flights = self.flights.assign(flown=~self.flights["failed"].astype(bool))
+        for of, marker, size, color, said in (
+            ("flown", ".", 8, "0.35", "flown"),
+            ("outside", "^", 22, PALETTE[4], f"beyond {self.within:g} m"),
+            ("grounded", "v", 22, PALETTE[2], "payload below ground"),
+            ("lost", "x", 22, PALETTE[1], "lost, or not flyable"),
         ):
-            if which.any():
-                ax.scatter(x.at(shares[which, 1]), y.at(shares[which, 0]), label=said, **style)
-        labels = (f"{one.name} [{UNITS.get(one.name, 'SI')}]" for one in (x, y))
-        ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
-        ax.set(xlim=(x.low, x.high), ylim=(y.low, y.high))
+            which = shares[flights[of].to_numpy(bool)]
+            if len(which):
+                ax.scatter(x.at(which[:, 1]), y.at(which[:, 0]), size, color, marker, label=said)
+        labels = [f"{one.name} [{UNITS.get(one.name, 'SI')}]" for one in (x, y)]
+        ax.set(xlabel=labels[0], ylabel=labels[1], xlim=(x.low, x.high), ylim=(y.low, y.high))
         ax.set_title(
             f"{self.config.name} with {self.config.controller.name}. The part may be flown: "
             f"{self.answer}.\nIt fails in {self.bound()} ({100 * self.confidence:g} % sure)",
@@ -270,10 +267,8 @@ def flown(case: Case, *, config: FlightConfig, over: Sequence[Range], seed: int)
     except LostVehicle:
         return lost | {"drawn": drawn}
     off = np.linalg.norm(result.flown - result.signals["p_ref"], axis=1)
-    rows = result.scored
-    errors = metrics.tracking_errors(result.flown[rows], result.signals["p_ref"][rows])
     found = {"lost": False, "grounded": result.below_ground is not None, "drawn": drawn}
-    return lost | found | {"peak": float(off.max()), "E_xy": errors["E_xy"]}
+    return lost | found | {"peak": float(off.max()), "E_xy": result.metrics()["E_xy"]}
 
 
 def chosen_part(failed: np.ndarray, flown_there: np.ndarray, rate: float) -> np.ndarray:
@@ -407,9 +402,8 @@ def certify(
         more = rng.random((len(chosen), max(len(over) - 2, 0)))
         places = np.concatenate([shares[:, : len(over)], more], axis=1).tolist()
         found = _fly(run, config, over, places, first=len(lines), stage=stage, within=within)
-        for line, cell in zip(found, chosen, strict=True):
-            failed[tuple(cell)] += line["failed"]
-            count[tuple(cell)] += 1
+        np.add.at(failed, tuple(chosen.T), [line["failed"] for line in found])
+        np.add.at(count, tuple(chosen.T), 1)
         lines.extend(found)
 
     first = explored // 2

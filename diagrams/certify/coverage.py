@@ -91,10 +91,9 @@ def known_by_firmware(case: Case) -> dict[str, Any]:
         return dc.replace(config, duration=duration, controller=controller).with_autopilot(kind)
 
     logs = [
-        fly(scenario(track, "betaflight", base, LOGGED), seed=len(TRACKS) * case["seed"] + k).log()
-        for k, track in enumerate(TRACKS)
+        dc.replace(fly(scenario(track, "betaflight", base, LOGGED), seed=k).log(), name=track)
+        for k, track in enumerate(TRACKS, start=len(TRACKS) * case["seed"])
     ]
-    logs = [dc.replace(log, name=track) for log, track in zip(logs, TRACKS, strict=True)]
     found = identified_vehicle(identify(logs, base, mass=base.mass), "identified")
     true = scenario("circle", "betaflight", base, SCORED)
     true.controller.vehicle = found
@@ -158,14 +157,20 @@ def judged(found: Certificate, true: pd.DataFrame) -> dict[str, Any]:
     cell = np.minimum((shares * found.part.shape).astype(int), np.array(found.part.shape) - 1)
     own = true[found.part[cell[:, 0], cell[:, 1]]]
     bound, flown, failed = found.bound(), len(own), int(own["failed"].sum())
-    line: dict[str, Any] = {"part": float(found.part.mean()), "some": bool(found.part.any())}
-    line |= {"flown": flown, "failed": failed, "upper": bound.upper}
     seen = float(own["peak"].astype(float).fillna(np.inf).quantile(0.95)) if flown else np.nan
     said = found.quantile("peak", 0.95)
-    line |= {"peak_said": said, "peak_seen": seen}
-    line["peak_close"] = bool(abs(said - seen) <= CLOSE * seen) if flown else None
-    line["band"] = in_band(found.flights, own)
-    return line | {"covered": failed <= bound.upper * flown if flown else None}
+    return {
+        "part": float(found.part.mean()),
+        "some": bool(found.part.any()),
+        "flown": flown,
+        "failed": failed,
+        "upper": bound.upper,
+        "peak_said": said,
+        "peak_seen": seen,
+        "peak_close": bool(abs(said - seen) <= CLOSE * seen) if flown else None,
+        "band": in_band(found.flights, own),
+        "covered": failed <= bound.upper * flown if flown else None,
+    }
 
 
 COLUMNS: tuple[Column, ...] = (
@@ -227,9 +232,14 @@ def summary(lines: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a line for every way of drawing: shares of the vehicles whose certificate holds."""
     table = []
     for row, own in lines.groupby("row", sort=False):
-        line: dict[str, Any] = {"row": row, "vehicles": len(own)}
-        for key in ("covered", "some", "part", "peak_close", "band"):
-            line[key] = float(own[key].dropna().astype(float).mean())
-        line["peak_ratio"] = float((own["peak_said"] / own["peak_seen"]).median())
-        table.append(line | {"rate": float(own["failed"].sum() / own["flown"].sum())})
+        shares = own[["covered", "some", "part", "peak_close", "band"]].astype(float).mean()
+        table.append(
+            {
+                "row": row,
+                "vehicles": len(own),
+                **shares.to_dict(),
+                "peak_ratio": float((own["peak_said"] / own["peak_seen"]).median()),
+                "rate": float(own["failed"].sum() / own["flown"].sum()),
+            }
+        )
     return table

@@ -193,5 +193,4 @@ def _report(arguments: list[str], message: str) -> None:
         verbs = verbs[:1]
     for verb in verbs:
         message = message.removeprefix(f"{verb}: ")
-    text = f"{' '.join([PROGRAM, *verbs])}: {message}"
-    console(stderr=True).print(text, soft_wrap=True)
+    console(stderr=True).print(f"{' '.join([PROGRAM, *verbs])}: {message}", soft_wrap=True)

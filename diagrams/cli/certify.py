@@ -140,8 +140,7 @@ def tables(found: Certificate) -> list[Table]:
     """Return bounds and errors, the part that may be flown, and what the deviation goes with."""
     title, flights = sentence(found), found.flights
     if len(found.confirming):
-        told = (("E_xy", 0.5), ("E_xy", 0.95), ("peak", 0.95))
-        sizes = [found.quantile(*of) for of in told]
+        sizes = (found.quantile(*of) for of in (("E_xy", 0.5), ("E_xy", 0.95), ("peak", 0.95)))
         median, most, peak = (measure(v, "m") if v < inf else "unbounded" for v in sizes)
         title += (
             f" E_xy there: {median}, of 95 % of flights at most {most}; largest deviation of 95 % "

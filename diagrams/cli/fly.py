@@ -5,6 +5,7 @@
 import copy
 import dataclasses as dc
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
@@ -38,7 +39,7 @@ from diagrams.loop.flight_result import fly as simulate
 from diagrams.loop.mcap_flight import require_mcap, write_flight_mcap
 from diagrams.loop.own_controller import is_own
 from diagrams.loop.replay import write_replay
-from diagrams.studies.options import DEFAULT_SOLVER, Reality, tabulate
+from diagrams.studies.options import DEFAULT_SOLVER, Reality
 from np_drake.autopilot.betaflight import find_firmware
 from np_drake.autopilot.mavlink import MavlinkLink
 from np_drake.command_delay import LONGEST_DELAY
@@ -140,7 +141,7 @@ def fly(
         flights, tables, figures = [flight], [linked], list[str]()
         metrics = {"experiment": configs[0].name, "autopilot": dict(linked[2])}
     else:
-        flights = fly_all(configs, run.seed, lost if compared else None)
+        flights = fly_all(configs, run.seed, lost)
         tables, figures = [flights_table(flights)], ["track", "errors", "wrench"]
         summaries = [flight.summary() for flight in flights]
         metrics = {"flights": summaries} if compared else summaries[0]
@@ -216,7 +217,12 @@ def scenarios(
     if predictor is not None:
         _give(predictor, configs)
     for config in configs:
-        _require_flyable(config)
+        config.check()
+        if config.autopilot.kind == "betaflight":
+            find_firmware()
+        make_residual_model(config.controller, config.controller.believed(config.vehicle))
+        if is_own(config.controller.kind):
+            make_flight_diagram(config)
     names = [config.controller.name for config in configs]
     if twice := [name for name in names if names.count(name) > 1]:
         raise ValueError(
@@ -283,19 +289,6 @@ def _give(predictor: Path, configs: Sequence[FlightConfig]) -> None:
     fits[0].predictor = str(predictor)
 
 
-def _require_flyable(config: FlightConfig) -> None:
-    """Check the scenario, its model file and a controller of one's own.
-
-    Raises: ValueError: where one does not fit.
-    """
-    config.check()
-    if config.autopilot.kind == "betaflight":
-        find_firmware()
-    make_residual_model(config.controller, config.controller.believed(config.vehicle))
-    if is_own(config.controller.kind):
-        make_flight_diagram(config)
-
-
 def _default_controller(config: FlightConfig, predictor: Path | None) -> str:
     """Return the kind of the model file; without one `np`, or `hold`, which needs no model, and say
     so.
@@ -315,27 +308,22 @@ def _default_controller(config: FlightConfig, predictor: Path | None) -> str:
     return "np"
 
 
-def fly_all(
-    configs: list[FlightConfig], seed: int, lost: list[FailedRun] | None = None
-) -> list[FlightResult]:
+def fly_all(configs: list[FlightConfig], seed: int, lost: list[FailedRun]) -> list[FlightResult]:
     """Simulate scenarios that begin and end alike, one after the other, behind one progress bar.
 
     Args:
-        lost: takes what ended a flight early; None: nothing may.
-    Raises: FailedRun: where nothing may end one early, or no flight is left; it names all.
+        lost: takes what ended a flight early.
+    Raises: FailedRun: where no flight is left; it names all.
     """
     flights, first = [], configs[0]
     names = ", ".join(dict.fromkeys(config.controller.name for config in configs))
     with progress(f"flying {first.name} with {names}", len(configs) * first.end) as advance:
         for k, own in enumerate(configs):
             try:
-                monitor = part_of(advance, k * first.end)
-                flights.append(simulate(own, seed=seed, monitor=monitor))
+                flights.append(simulate(own, seed=seed, monitor=part_of(advance, k * first.end)))
             except FailedRun as failed:
-                if lost is None:
-                    raise
                 lost.append(failed)
-    if lost and not flights:
+    if not flights:
         raise FailedRun(" ".join(map(str, lost)))
     return flights
 
@@ -345,20 +333,17 @@ def _fly_linked(config: FlightConfig, seed: int, address: str) -> tuple[FlightRe
 
     Raises: ValueError: where the link cannot be opened.
     """
-    link = MavlinkLink(address)
-    linked = LinkedFlight(link)
-    try:
+    with closing(MavlinkLink(address)) as link:
+        linked = LinkedFlight(link)
         say(f"{config.name} behind {address}: np-drake node flies it.")
         with progress(f"flying {config.name}", config.end) as advance:
             flight = simulate(
                 config,
                 seed=seed,
                 monitor=lambda t: advance(t, f"at {linked.factor(t):.2f} of real time"),
-                watch=linked,
+                real_time=True,
                 controller=linked,
             )
-    finally:
-        link.close()
     return flight, linked.table()
 
 
@@ -372,22 +357,22 @@ def _notes(flight: FlightResult) -> list[str]:
 
 def flights_table(flights: Sequence[FlightResult]) -> Table:
     """Return a table with a line for every flight: errors in cm, solve times in ms."""
-    lines = []
+    rows: list[tuple] = []
     for flight in flights:
         found = flight.metrics()
-        errors = {kind: found[kind] for kind in ("E_xy", "E_z")}
-        lines.append(
-            {
-                "experiment": flight.config.name,
-                "controller": flight.label,
-                **{f"{what} [cm]": round(100 * error, 2) for what, error in errors.items()},
-                "solve [ms]": found["solve_ms"]["median"],
-                "p95 [ms]": found["solve_ms"]["p95"],
-                "failed": found["solve_failures"],
-            }
-        )
-    title = f"seed {flights[0].seed}, {flights[0].config.controller.solver}"
-    return tabulate(title, lines, [(name, name) for name in lines[0]])
+        errors = (round(100 * found[kind], 2) for kind in ("E_xy", "E_z"))
+        times = (found["solve_ms"][part] for part in ("median", "p95"))
+        rows.append((flight.config.name, flight.label, *errors, *times, found["solve_failures"]))
+    header = [
+        "experiment",
+        "controller",
+        "E_xy [cm]",
+        "E_z [cm]",
+        "solve [ms]",
+        "p95 [ms]",
+        "failed",
+    ]
+    return f"seed {flights[0].seed}, {flights[0].config.controller.solver}", header, rows
 
 
 def _write_flight(flight: FlightResult, folder: Path, figures: Sequence[str]) -> None:
@@ -458,8 +443,7 @@ def node(
     )
     if config.controller.deadline == float("inf"):
         config.controller.deadline = DEADLINE * config.controller.period
-    port, worker = MavlinkLink(link, baud), nodes.SolverThread()
-    try:
+    with closing(MavlinkLink(link, baud)) as port, closing(nodes.SolverThread()) as worker:
         flying = nodes.Node(config, port, worker)
         say(
             f"{config.name} with {config.controller.name} at {config.offboard.rate:g} Hz "
@@ -479,9 +463,6 @@ def node(
                 flying, wait=float("inf") if wait is None else wait, ended=ended, monitor=monitor
             )
             told.show(flying)
-    finally:
-        worker.close()
-        port.close()
     flown, why = flying.flown, flying.lacks or flying.events[-1][2]
     if flown is not None and run.out is not None:
         file = run.folder / f"{config.name}_{config.controller.name}.csv"

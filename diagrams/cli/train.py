@@ -287,28 +287,23 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
         elif isinstance(found, WrenchSequence):
             flights.append(Flight(found, vehicle or published_vehicle()))
         else:
-            (flown,) = fly_all([found], 0)
+            (flown,) = fly_all([found], 0, [])
             say(f"{path}: flown for {found.end:g} s with {found.controller.name}, seed 0.")
             flights.append(Flight(flown.log(), found.vehicle))
     if vehicle is None and flights:
         used = sorted({f"{flight.vehicle.name}, {flight.vehicle.mass:g} kg" for flight in flights})
         say(f"vehicle: {'; '.join(used)}, as no --vehicle was given.")
-    require_one_frame(flights)
+    require(
+        len({flight.frame for flight in flights}) <= 1,
+        "flights: arrays (.npy) hold the total wrench in body axes, logs the residual "
+        "one; give one kind.",
+    )
     return flights
 
 
 def read_from(flights: Sequence[Flight]) -> list[FlightLog]:
     """Return the logs among flights; the others are arrays, of which readers say nothing."""
     return [flight.data for flight in flights if isinstance(flight.data, FlightLog)]
-
-
-def require_one_frame(flights: list[Flight]) -> None:
-    """Check that total wrenches in body axes are not mixed with residual ones in W."""
-    require(
-        len({flight.frame for flight in flights}) <= 1,
-        "flights: arrays (.npy) hold the total wrench in body axes, logs the residual "
-        "one; give one kind.",
-    )
 
 
 HORIZONS = "1,5,10,20,40"
@@ -332,7 +327,8 @@ def evaluate(
     and known.
     """
     steps = parse_horizons(horizons)
-    model = load(predictor)
+    is_filter = schema_of(predictor) == SCHEMA
+    model: Model = PayloadFilterModel.load(predictor) if is_filter else load_model(predictor)
     tests, rows = open_flights(logs, vehicle), list[dict]()
     for zeta in MOTIONS:
         with run.counting(f"scoring, coming motion {zeta}") as on_flight:
@@ -370,11 +366,6 @@ def parse_horizons(text: str) -> list[int]:
         f"{HORIZONS}; got {text!r}.",
     )
     return sorted({int(part) for part in parts})
-
-
-def load(path: Path) -> Model:
-    """Return the model of a file: payload filter or lifted linear system."""
-    return PayloadFilterModel.load(path) if schema_of(path) == SCHEMA else load_model(path)
 
 
 def tables(rows: list[dict[str, Any]], zeta: str) -> list[Table]:

@@ -105,8 +105,7 @@ def new(
             raise ValueError(f"give {', '.join(missing)}{which} as well, or --preset NAME.")
         values: Any = (mass, wheelbase, propeller, hover_throttle, throttle_curve, order)
         stated["props"] = props or "in"
-        measured = Measured(*values, **stated)
-        text = vehicle_text(estimate(measured, name or "mine"), HEAD)
+        text = vehicle_text(estimate(Measured(*values, **stated), name or "mine"), HEAD)
     if out is None:
         say(text.rstrip("\n"))
         return

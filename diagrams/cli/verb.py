@@ -32,11 +32,7 @@ from rich.progress import Progress, TextColumn
 from rich.table import Table as RichTable
 from typer import Option
 
-from diagrams.batch.run import Advance as Advance
-from diagrams.batch.run import Report as Report
-from diagrams.batch.run import Run as Run
-from diagrams.batch.run import Table as Table
-from diagrams.batch.run import Workers, make_folder, require
+from diagrams.batch.run import Advance, Report, Run, Table, Workers, make_folder, require
 from np_drake.files.file_access import (
     is_own,
     is_regular,

@@ -2,7 +2,6 @@
 shows them from top to bottom.
 """
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -173,4 +172,4 @@ def meeting_rows(demo: Demo) -> list[tuple[str, ...]]:
 
 
 def _cm(metres: float) -> str:
-    return words.fixed(100 * metres, 2) if math.isfinite(metres) else words.NOTHING
+    return words.fixed(100 * metres, 2) if np.isfinite(metres) else words.NOTHING

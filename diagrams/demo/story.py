@@ -9,8 +9,6 @@ from operator import call
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from diagrams.batch.run import FailedRun, as_they_finish
 from diagrams.gap.corrected import corrected_simulator
 from diagrams.gap.drake_replay import DrakeReplay
@@ -18,7 +16,7 @@ from diagrams.gap.side_by_side import SideBySide, side_by_side
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.loop.reality import RealityConfig
-from diagrams.studies.learning import train_model
+from diagrams.studies.learning import TRAINING, train_model
 from diagrams.studies.sweep import Row, configure, training_config
 from diagrams.studies.tracking import TRACKS
 from np_drake.diagnosis.diagnose import diagnose
@@ -31,7 +29,6 @@ from np_drake.vehicle import Vehicle
 NOMINAL, HOLD, LEARNED = Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np")
 FILTER = Row(PAYLOAD_FILTER, PAYLOAD_FILTER)
 ROWS = (NOMINAL, HOLD, LEARNED, FILTER)
-TRAINING = "training_circle"
 HELD_OUT = TRACKS[-1]  # judges the diagnosis, and is flown in the simulators
 DIAGNOSED = 20.0  # of every flight of the nominal MPC, after the ramp [s]
 SIMULATED = 15.0  # in either simulator, after the ramp [s]
@@ -222,7 +219,7 @@ def _diagnose(
 def diagnosed(flight: FlightResult) -> FlightLog:
     """Return the part of the log of a flight that is diagnosed."""
     log, start = flight.log(), flight.config.reference.lead
-    first, last = np.searchsorted(log.t, [start - 1e-9, start + DIAGNOSED - 1e-9])
+    first, last = log.t.searchsorted([start - 1e-9, start + DIAGNOSED - 1e-9])
     return dc.replace(log.rows(int(first), int(last)), name=f"{flight.config.name}.csv")
 
 

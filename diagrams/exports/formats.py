@@ -122,8 +122,7 @@ def seen(vehicle: Vehicle) -> list[Box]:
     boxes = [Box("body", np.zeros(3), size * np.array([BODY, BODY, HEIGHT]))]
     for i, p in enumerate(np.array(vehicle.rotor_positions, float)):
         beam = np.array([np.hypot(p[0], p[1]), ARM * size, ARM * size])
-        yaw = float(np.arctan2(p[1], p[0]))
-        boxes.append(Box(f"arm_{i + 1}", p * [0.5, 0.5, 1.0], beam, yaw))
+        boxes.append(Box(f"arm_{i + 1}", p * [0.5, 0.5, 1.0], beam, float(np.arctan2(p[1], p[0]))))
     return boxes
 
 
@@ -265,13 +264,9 @@ class Format:
 
     title: str
     write: Callable[[Vehicle, Sequence[Any], Path], list[Carried]]
-    law: Law
 
 
-FORMATS = {
-    "sdf": Format("SDF", write_sdf, LAWS["sdf"]),
-    "mujoco": Format("MuJoCo", write_mujoco, LAWS["mujoco"]),
-}
+FORMATS = {"sdf": Format("SDF", write_sdf), "mujoco": Format("MuJoCo", write_mujoco)}
 
 
 def coverage_markdown() -> str:
@@ -284,6 +279,6 @@ def coverage_markdown() -> str:
     lines += ["|---" * (1 + len(FORMATS)) + "|"]
     for identifier, effect in effects_for("rotor_speed", neighbours=True).items():
         if not issubclass(effect, SensorEffect):
-            told = [how_carried(effect, form.law)[0] for form in FORMATS.values()]
+            told = [how_carried(effect, LAWS[name])[0] for name in FORMATS]
             lines.append(f"| `{identifier}` | {' | '.join(told)} |")
     return "\n".join(lines)

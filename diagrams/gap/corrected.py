@@ -3,7 +3,6 @@ a plain controller keeps its vehicle in the air.
 """
 
 import dataclasses as dc
-import math
 import textwrap
 from pathlib import Path
 from typing import Any
@@ -58,7 +57,7 @@ def _entry(cause: Cause) -> EffectEntry | None:
     if cause.effect is None or cause.effect.lacking():
         return None
     onsets = {flight: 0.0 if t is None else float(t) for flight, t in cause.onset.items()}
-    seen = [t for t in onsets.values() if math.isfinite(t)]
+    seen = [t for t in onsets.values() if np.isfinite(t)]
     if onsets and not seen:
         return None
     onset = float(np.median(seen)) if seen and min(seen) > 0 else None
@@ -149,7 +148,7 @@ def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> N
         ),
         effects=config.reality.effects,
         deviations=config.reality.posterior.deviations,
-        infinity=math.inf,
+        infinity=np.inf,
     )
     write_text(path, text)
 

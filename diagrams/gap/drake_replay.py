@@ -82,8 +82,7 @@ class _Flight:
         payload, swing = split_effects(self.acting(t)).payload, self.swing(t)
         if payload is None or payload.mass == 0 or swing is None:
             return np.append(x, np.full(3, np.nan))
-        hook = attitude.rotate(x[Q], np.array(payload.payload.hook))
-        return np.append(x, x[P] + hook + swing.r)
+        return np.append(x, x[P] + attitude.rotate(x[Q], np.array(payload.payload.hook)) + swing.r)
 
 
 class DrakeReplay:
@@ -132,8 +131,7 @@ class DrakeReplay:
         )
         starts = np.unique(np.searchsorted(log.t, np.linspace(first, last, self._starts)))
         times = t[starts, None] + np.array(HORIZONS) - 0.5 * np.median(np.diff(t))
-        rows = np.minimum(np.searchsorted(t, times), len(t) - 1)
-        return list(np.column_stack([starts, rows]))
+        return list(np.column_stack([starts, np.minimum(np.searchsorted(t, times), len(t) - 1)]))
 
     def follow(self, log: FlightLog, effects: Effects, legs: Sequence[np.ndarray]) -> Ghost:
         """Return the open-loop replay along all legs, started anew from the logged state of the

@@ -3,7 +3,6 @@ itself, as a 3-D page.
 """
 
 import dataclasses as dc
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -133,7 +132,7 @@ def _shown(log: FlightLog, effects: Effects, *, joined: bool) -> np.ndarray:
     """
     t = log.t - log.t[0]
     onsets = [at - log.t[0] for _, of in effects for at in of.values() if at is not None]
-    begins = min(filter(math.isfinite, onsets), default=0.0)
+    begins = min(filter(np.isfinite, onsets), default=0.0)
     first = max(LEAD, begins - BEFORE, 0.5 * t[-1] if joined else 0.0)
     kept = np.flatnonzero((t >= first) & (t <= first + LONGEST))
     return kept[0] + frames(t[kept]) if len(kept) > 2 else np.zeros(0, int)

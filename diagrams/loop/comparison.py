@@ -16,7 +16,7 @@ TEMPLATE = Path(__file__).with_name("comparison.html.j2")
 
 def sentence(flights: Sequence[FlightResult]) -> str:
     """Return which controller has the least position error, and that of the others."""
-    errors = sorted((_error(flight), flight.label) for flight in flights)
+    errors = sorted((flight.metrics()["position_rmse"], flight.label) for flight in flights)
     (least, best), *others = ((f"{100 * error:.2f} cm", label) for error, label in errors)
     rest = "".join(f"; {label} {error}" for error, label in others)
     return f"{best} has the least position error, {least} RMS{rest}."
@@ -31,11 +31,6 @@ def models(flights: Sequence[FlightResult]) -> str:
         return ""
     told = [f"{one.name} flew {one.predictor or 'the packaged one'}" for one in own]
     return f"Model files: {', '.join(told)}."
-
-
-def _error(flight: FlightResult) -> float:
-    """Return the RMS distance from the track [m]."""
-    return float(flight.metrics()["position_rmse"])
 
 
 def stem(flight: FlightResult) -> str:

@@ -313,26 +313,21 @@ def _observer(config: ControllerConfig, vehicle: Vehicle) -> DisturbanceObserver
     )
 
 
-def _neural_predictor(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
-    predictor = load_np(config.predictor or NP_MODEL)
-    label = predictor.label if isinstance(predictor, ReadsLabels) else None
-    _require_fit(predictor.model, predictor.step, config, vehicle, label)
-    return _lagging(predictor, vehicle) if isinstance(predictor, PayloadFilter) else predictor
-
-
-def _payload_filter(config: ControllerConfig, vehicle: Vehicle) -> PayloadFilter:
-    model = PayloadFilter.load(config.predictor or FILTER_MODEL)
-    _require_fit(model.model, model.step, config, vehicle, model.label)
-    return _lagging(model, vehicle)
-
-
-def _lagging(model: PayloadFilter, vehicle: Vehicle) -> PayloadFilter:
-    """Return the filter with the lag of the vehicle file, as its labels have it; without one with
-    that of its training.
+def _learned(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
+    """Return `np` or `payload_filter`; a filter has the lag of the vehicle file, as its labels have
+    it, or that of its training.
     """
-    return PayloadFilter(
-        dc.replace(model.model, rotor_lag=vehicle.rotor_time_constant or model.rotor_lag)
-    )
+    found: NeuralPredictorModel | PayloadFilter
+    if config.kind == PAYLOAD_FILTER:
+        found = PayloadFilter.load(config.predictor or FILTER_MODEL)
+    else:
+        found = load_np(config.predictor or NP_MODEL)
+    if not isinstance(found, PayloadFilter):
+        _require_fit(found.model, found.step, config, vehicle)
+        return found
+    _require_fit(found.model, found.step, config, vehicle, found.label)
+    lag = vehicle.rotor_time_constant or found.rotor_lag
+    return PayloadFilter(dc.replace(found.model, rotor_lag=lag))
 
 
 def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> motion_model.MotionModel:
@@ -344,8 +339,7 @@ def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> motion_model.Mo
 MAKERS: dict[str, Callable[[ControllerConfig, Vehicle], ResidualModel]] = {
     "hold": _hold,
     "observer": _observer,
-    "np": _neural_predictor,
-    PAYLOAD_FILTER: _payload_filter,
+    **dict.fromkeys(("np", PAYLOAD_FILTER), _learned),
     **dict.fromkeys(motion_model.REACTIONS, _motion_model),
 }  # makers of residual models by kind of controller
 

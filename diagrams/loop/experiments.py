@@ -6,8 +6,6 @@ import dataclasses as dc
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from diagrams.batch.run import require
 from diagrams.loop.flight import FlightConfig, load_flight
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -117,7 +115,8 @@ def with_payload(config: FlightConfig, mass: float) -> FlightConfig:
     Raises: ValueError: on an impossible mass.
     """
     require(
-        0 <= mass < np.inf, f"--payload: must not be negative [kg] and finite; got {mass or 0:g}."
+        0 <= mass < float("inf"),
+        f"--payload: must not be negative [kg] and finite; got {mass or 0:g}.",
     )
     reality, hung = config.reality.check(), config.reality.hung
     if mass == 0.0:

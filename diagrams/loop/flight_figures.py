@@ -125,13 +125,11 @@ def _line(k: int) -> dict[str, Any]:
     return {"color": PALETTE[k % len(PALETTE)], "linestyle": DASHES[k % len(DASHES)]}
 
 
-def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
-    """Plot external force and torque, as truth, label and prediction, at the end of a flight.
-
-    Args:
-        span: that is shown [s].
+def wrench(flight: FlightResult) -> Figure:
+    """Plot external force and torque, as truth, label and prediction, over the last 8 s of a
+    flight.
     """
-    rows = flight.signals["t"] > flight.signals["t"][-1] - span
+    rows = flight.signals["t"] > flight.signals["t"][-1] - 8.0
     t = flight.signals["t"][rows]
     lines = [
         ("truth", flight.chi_true, {"color": "0.55", "linewidth": 2.0}),

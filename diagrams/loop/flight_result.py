@@ -3,11 +3,11 @@
 import dataclasses as dc
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Diagram
 
 from diagrams.batch.run import FailedRun, one_line, require
 from diagrams.loop.flight import ARENA, FlightConfig, flown_by
@@ -38,25 +38,6 @@ class LostVehicle(FailedRun):
     """
 
     signals: dict[str, np.ndarray]
-
-
-class Watch(Protocol):
-    """Viewer that sets the pace of a flight and how often it is looked at.
-
-    period: time between two looks [s].
-    rate: real-time rate at which the flight runs; 0 for as fast as possible [1].
-    """
-
-    period: float
-    rate: float
-
-    def begin(self, diagram: Diagram, context: Context) -> None:
-        """See the flight before it begins.
-
-        Args:
-            diagram: of `make_flight_diagram`.
-            context: its root context.
-        """
 
 
 @dc.dataclass(repr=False)
@@ -313,7 +294,7 @@ def fly(
     seed: int = 0,
     monitor: Callable[[float], None] | None = None,
     tolerance: float = np.inf,
-    watch: Watch | None = None,
+    real_time: bool = False,
     controller: Factory | None = None,
 ) -> FlightResult:
     """Simulate the experiment and return its result.
@@ -321,10 +302,11 @@ def fly(
     Args:
         config: of the experiment.
         seed: of the noise.
-        monitor: called with the flight's time [s] about every second, for progress.
+        monitor: called with the flight's time [s] about every second, for progress; of a flight in
+            real time at its beginning and twice as often.
         tolerance: distance from the reference beyond which the flight ends, looked at about every
             second [m].
-        watch: sets the pace of the flight.
+        real_time: whether it is no faster than a clock.
         controller: makes a controller of one's own, in the place of the one that `config` names.
     Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is
         below ground; FailedRun: if a controller of one's own fails; ValueError: if such a
@@ -335,7 +317,7 @@ def fly(
     firmware = firmware_of(diagram)
     try:
         simulator = make_simulator(diagram, config, seed=seed)
-        signals = _advance(simulator, diagram, config, monitor, tolerance, watch)
+        signals = _advance(simulator, diagram, config, monitor, tolerance, real_time)
         return FlightResult(config, seed, signals, firmware.blackbox() if firmware else b"")
     finally:
         if firmware is not None:
@@ -348,7 +330,7 @@ def _advance(
     config: FlightConfig,
     monitor: Callable[[float], None] | None,
     tolerance: float,
-    watch: Watch | None,
+    real_time: bool,
 ) -> dict[str, np.ndarray]:
     """Fly to the end, and return the recorded signals; arguments as of `fly`."""
     context, who = simulator.get_mutable_context(), config.controller.name
@@ -360,10 +342,10 @@ def _advance(
         error.signals = recorded(diagram, context)
         return error
 
-    if watch is not None:
-        simulator.set_target_realtime_rate(watch.rate)
-        watch.begin(diagram, context)
-    for t in _stops(config, watch):
+    if real_time and monitor is not None:
+        monitor(0.0)
+    simulator.set_target_realtime_rate(float(real_time))
+    for t in _stops(config, 0.5 if real_time else 1.0):
         try:
             simulator.AdvanceTo(t)
         except RuntimeError as error:
@@ -392,11 +374,12 @@ def _advance(
     return recorded(diagram, context)
 
 
-def _stops(config: FlightConfig, watch: Watch | None) -> list[float]:
-    """Return the times at which a flight is looked at, the last of which is its end [s]."""
+def _stops(config: FlightConfig, period: float) -> list[float]:
+    """Return the times at which a flight is looked at, every `period` and at its changes, the last
+    of which is its end [s].
+    """
     changes = [*(event.time for event in config.events), *config.reality.onsets.values()]
     stops = [t for t in changes if 0 < t < config.end]
-    for period in (1.0, *([] if watch is None else [watch.period])):
-        stops += np.arange(period, config.end, period).tolist()
+    stops += np.arange(period, config.end, period).tolist()
     # Half a period beyond the end: the recorder passes the last row on at the end itself.
     return sorted({*stops, config.end + 0.5 * config.controller.period})

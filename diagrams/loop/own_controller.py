@@ -14,7 +14,6 @@ from typing import Any
 from pydrake.systems.framework import System
 
 from diagrams.batch.run import one_line, require
-from np_drake.files.interruption import Ended
 
 # Maker of a new system a flight: called with those of `vehicle` (that the controller assumes),
 # `reference` (the motion to follow) and `period` [s] that it names, and with its own parameters.
@@ -74,9 +73,7 @@ def load_factory(kind: str) -> Factory:
             module = _module_of_file(place, Path(place).stat().st_mtime_ns)
         else:
             module = importlib.import_module(place)
-    except (KeyboardInterrupt, Ended):
-        raise
-    except BaseException as error:  # whatever the user's module raises, an exit among it
+    except (Exception, SystemExit) as error:  # whatever the user's module raises
         why = one_line(error)
         if isinstance(error, ModuleNotFoundError) and error.name == place.split(".")[0]:
             why = (
@@ -141,9 +138,7 @@ def make_own_controller(
     given = {p.name: offered[p.name] for p in known if p.name in offered}
     try:
         system = factory(**given, **parameters)
-    except (KeyboardInterrupt, Ended):
-        raise
-    except BaseException as error:  # whatever the user's code raises, an exit among it
+    except (Exception, SystemExit) as error:  # whatever the user's code raises
         raise ValueError(f"{who}: cannot be made: {one_line(error)}.") from error
     require(
         isinstance(system, System),
@@ -158,8 +153,8 @@ def _check_ports(who: str, system: System, command: str) -> None:
 
     Raises: ValueError: where one does not fit.
     """
-    ins = [system.get_input_port(i) for i in range(system.num_input_ports())]
-    outs = [system.get_output_port(i) for i in range(system.num_output_ports())]
+    ins = map(system.get_input_port, range(system.num_input_ports()))
+    outs = map(system.get_output_port, range(system.num_output_ports()))
     inputs = {port.get_name(): port.size() for port in ins}
     outputs = {port.get_name(): port.size() for port in outs}
     require(

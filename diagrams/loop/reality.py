@@ -134,7 +134,7 @@ class RealityConfig:
     @property
     def blows(self) -> bool:
         """Whether there is any wind."""
-        return bool(np.any(self.wind)) or self.gust > 0
+        return any(self.wind) or self.gust > 0
 
     def wrench_effects(self) -> list[WrenchEffect]:
         """Return the effects that add a wrench to the body, or move the air."""
@@ -179,8 +179,7 @@ class RealityConfig:
             payload = library.SuspendedPayload(*hung.pendulum, *hung.hook, hung.air_damping)
         found: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]
         if hung.rope_mass:
-            riding = hung.mass + hung.rope_mass - hung.pendulum[0]
-            found.append(library.MassError(riding))
+            found.append(library.MassError(hung.mass + hung.rope_mass - hung.pendulum[0]))
         found += [*self.wrench_effects(), *([payload] if payload else [])]
         return [*found, *split_effects(self.added).measurement]
 

@@ -90,8 +90,7 @@ def run(
         _report(solver.name, seconds[:, j], [row[j] for row in answers], best)
         for j, solver in enumerate(solvers)
     ]
-    medians = {report["name"]: report["median_ms"] for report in reports}
-    acados = medians.get(AcadosSolver.name)
+    acados = {report["name"]: report["median_ms"] for report in reports}.get(AcadosSolver.name)
     for report in reports:
         report["ratio_to_acados"] = report["median_ms"] / acados if acados else None
     return reports

@@ -4,6 +4,7 @@ flight.
 """
 
 import dataclasses as dc
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Annotated, Any
 
@@ -11,9 +12,10 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
-from diagrams.batch.run import Case, FailedRun, Report, Run, Table, failures, results
+from diagrams.batch.run import Case, FailedRun, Report, Run, failures, results
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight_result import fly
+from diagrams.studies import tracking
 from diagrams.studies.draws import BEYOND, PLAIN, Envelope, drawn_flight
 from diagrams.studies.options import (
     DEFAULT_SOLVER,
@@ -26,13 +28,11 @@ from diagrams.studies.options import (
     tabulate,
 )
 from diagrams.studies.sweep import Row, choose_rows, fly_rows, named, tidy, training_config
-from diagrams.studies.tracking import DITHERED
-from diagrams.studies.tracking import ROWS as TRACKING_ROWS
 from np_drake import metrics
 from np_drake.vehicle import Vehicle
 
 PEER = "payload_filter"  # row beside which the others are shown
-ROWS = tuple(named(TRACKING_ROWS, name) for name in ("np", PEER, "hold"))
+ROWS = tuple(named(tracking.ROWS, name) for name in ("np", PEER, "hold"))
 SETTLED = 3.0  # after the ramp, before errors count [s]
 BEFORE, AFTER = (-1.0, -0.05), (1.5, 2.5)  # the levels of f_z are means over these [s]
 WATCHED = 3.0  # after an event, in which the error's peak is looked for [s]
@@ -78,23 +78,27 @@ def known_after(t: np.ndarray, f_z: np.ndarray) -> float:
     return float(t[np.argmax(there)]) if there.any() else float("inf")
 
 
-def _fly(
-    run: Run, title: str, envelope: Envelope, draws: int, solver: str, only: list[str] | None
-) -> tuple[FlownRun, pd.DataFrame, list[str], dict[str, Any]]:
-    """Fly the draws with each row; return the run, a line for every flight, what is to be said, and
-    the settings.
-    """
-    flights = FlownRun.of(run, count=draws, solver=solver)
+def _report(
+    flights: FlownRun,
+    name: str,
+    envelope: Envelope,
+    only: list[str] | None,
+    table: Callable[[pd.DataFrame], list[dict[str, Any]]],
+    columns: Sequence[Column],
+    said: str,
+) -> Report:
+    """Fly the draws with each row, and return the table that is made of their lines."""
+    seed, solver, draws = flights.seed, flights.solver, flights.count
     rows = choose_rows(ROWS, only, always=("np", PEER))
     settings = {
         "solver": solver,
-        "seed": run.seed,
+        "seed": seed,
         "envelope": dc.asdict(envelope),
-        "training": settings_of(training_config(DITHERED, solver=solver)),
+        "training": settings_of(training_config(tracking.DITHERED, solver=solver)),
     }
-    scenarios = [{"draw": draw, "seed": run.seed + 1} for draw in range(draws)]
+    scenarios = [{"draw": draw, "seed": seed + 1} for draw in range(draws)]
     work = partial(flown, envelope=envelope, solver=solver)
-    _, records = fly_rows(flights, title, rows, scenarios, work, config=settings)
+    _, records = fly_rows(flights, name, rows, scenarios, work, config=settings)
     results(records)
     found = tidy(records)
     left_out = int((found["kind"] == "").sum()) // len(rows)
@@ -102,27 +106,17 @@ def _fly(
     found["gone"] = (found["lost"] != "") | (found["error"] != "")
     found["kind"] = found["kind"].fillna("failed")
     found[["E_xy", "E_z"]] = found[["E_xy", "E_z"]].where(~found["gone"], np.inf)
-    notes = [
-        f"draws that the paper's vehicle cannot fly: {left_out}",
-        *failures(run.workers.finished),
-    ]
-    return flights, found, notes, settings
-
-
-def _title(flights: FlownRun) -> str:
-    seed = flights.seed
-    return f"{flights.count} draws of seed {seed + 1}, trained on seed {seed}, {flights.solver}"
-
-
-def _report(
-    table: Table,
-    lines: list[dict[str, Any]],
-    found: pd.DataFrame,
-    notes: list[str],
-    settings: dict[str, Any],
-) -> Report:
-    values = {"table": lines, "flights": found.to_dict("records")}
-    return Report([table], config=settings, metrics=values, notes=notes)
+    lines = table(found)
+    title = f"{draws} draws of seed {seed + 1}, trained on seed {seed}, {solver}: {said}"
+    return Report(
+        [tabulate(title, lines, columns)],
+        config=settings,
+        metrics={"table": lines, "flights": found.to_dict("records")},
+        notes=[
+            f"draws that the paper's vehicle cannot fly: {left_out}",
+            *failures(flights.workers.finished),
+        ],
+    )
 
 
 def compared(found: pd.DataFrame) -> list[dict[str, Any]]:
@@ -166,10 +160,9 @@ def beyond(
     run: Run, draws: Draws = 200, solver: Solver = DEFAULT_SOLVER, only: Only = None
 ) -> Report:
     """Drawn flights with what no pendulum explains: rope, two payloads, drag, spring, gusts."""
-    flights, found, notes, settings = _fly(run, "beyond", BEYOND_SETTINGS, draws, solver, only)
-    lines = compared(found)
-    title = f"{_title(flights)}: medians of E_xy, E_z; against {PEER} and hold, draw by draw"
-    return _report(tabulate(title, lines, COLUMNS), lines, found, notes, settings)
+    flights = FlownRun(**vars(run), count=draws, solver=solver)
+    said = f"medians of E_xy, E_z; against {PEER} and hold, draw by draw"
+    return _report(flights, "beyond", BEYOND_SETTINGS, only, compared, COLUMNS, said)
 
 
 def responses(found: pd.DataFrame) -> list[dict[str, Any]]:
@@ -185,8 +178,7 @@ def responses(found: pd.DataFrame) -> list[dict[str, Any]]:
             line[key] = float(values.median())
             line[f"{key}_95"] = float(np.quantile(values, 0.95, method="higher"))
             line[f"{key}_most"] = float(values.max())
-        line["soon"] = float((own["known"].astype(float) <= SOON).mean())
-        lines.append(line)
+        lines.append(line | {"soon": float((own["known"].astype(float) <= SOON).mean())})
     return lines
 
 
@@ -208,7 +200,6 @@ def changes(
     run: Run, draws: Draws = 200, solver: Solver = DEFAULT_SOLVER, only: Only = None
 ) -> Report:
     """Drawn flights in which a payload is hung on or cut off: how soon, and how far off."""
-    flights, found, notes, settings = _fly(run, "changes", CHANGES, draws, solver, only)
-    lines = responses(found)
-    title = f"{_title(flights)}: median over the flights, and the slowest"
-    return _report(tabulate(title, lines, RESPONSE_COLUMNS), lines, found, notes, settings)
+    flights = FlownRun(**vars(run), count=draws, solver=solver)
+    said = "median over the flights, and the slowest"
+    return _report(flights, "changes", CHANGES, only, responses, RESPONSE_COLUMNS, said)

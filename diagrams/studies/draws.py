@@ -70,8 +70,7 @@ def _gusts(rng: np.random.Generator, reality: RealityConfig) -> None:
 
 
 def _displaced_mass(rng: np.random.Generator, reality: RealityConfig) -> None:
-    offset = CenterOfMassOffset(*rng.normal(0.0, 0.012, 3).tolist())
-    reality.effects = [EffectEntry.of(offset)]
+    reality.effects = [EffectEntry.of(CenterOfMassOffset(*rng.normal(0.0, 0.012, 3).tolist()))]
 
 
 PLAIN = "pendulum"

@@ -12,8 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from diagrams.batch.run import FailedRun, Run, as_they_finish, require
 from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import load_experiment
@@ -63,8 +61,7 @@ def train_model(
     controller, vehicle, log = flight.config.controller, flight.config.vehicle, scored_log(flight)
     step, label, flights = controller.period, controller.label, [Flight(log, vehicle)]
     if configuration in REACTIONS:
-        how: dict[str, Any] = {"step": step, "label": label, "seed": seed}
-        reaction, _ = train_motion_model(configuration, flights, **how)
+        reaction, _ = train_motion_model(configuration, flights, step=step, label=label, seed=seed)
         reaction.save(path)
         return reaction.summary
     if configuration in (PAYLOAD_FILTER, LEARNED_BANK):
@@ -81,7 +78,7 @@ def train_model(
 def scored_log(flight: FlightResult) -> FlightLog:
     """Return the flight's log after the ramp."""
     log = flight.log()
-    return log.rows(int(np.argmax(flight.scored)), len(log))
+    return log.rows(int(flight.scored.argmax()), len(log))
 
 
 def flown_error(
@@ -132,8 +129,7 @@ def train_on_envelope(
         bank, course = learn_priors(
             FIRST, error, lambda done, total, least: advance(done / total, f"{100 * least:.3f} cm")
         )
-    learned = {"flights": count, "seed": run.seed}
-    return dc.replace(model, bank=bank, learned=learned), course
+    return dc.replace(model, bank=bank, learned={"flights": count, "seed": run.seed}), course
 
 
 def learn_priors(

@@ -4,7 +4,7 @@ import dataclasses as dc
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
@@ -69,11 +69,6 @@ class FlownRun(Run):
 
     count: int = 5
     solver: str = DEFAULT_SOLVER
-
-    @classmethod
-    def of(cls, run: Run, **more: Any) -> Self:
-        """Return the run with further fields."""
-        return cls(**{field.name: getattr(run, field.name) for field in dc.fields(Run)}, **more)
 
     @property
     def seeds(self) -> list[int]:
@@ -145,10 +140,3 @@ def spread(
         return f"{value:.{digits}f}" + ("" if math.isnan(width) else f" ± {width:.{digits}f}")
 
     return cell
-
-
-def grouped(title: str, header: Iterable[str], groups: Mapping[str, Iterable[tuple]]) -> Table:
-    """Return a table of blocks: a row with the name of a group alone, then its rows."""
-    header = list(header)
-    blank = [""] * (len(header) - 1)
-    return title, header, [row for name, rows in groups.items() for row in [(name, *blank), *rows]]

@@ -303,7 +303,7 @@ def run(
     resume from.
     """
     require_solver(solver)
-    run = FlownRun.of(run, count=seeds, solver=solver)
+    run = FlownRun(**vars(run), count=seeds, solver=solver)
     rows = choose_rows(ROWS, only)
     names = chosen("--axis", axis, [axis.name for axis in AXES])
     axes = [axis for axis in AXES if axis.name in names]

@@ -8,12 +8,10 @@ import base64
 import dataclasses as dc
 import hashlib
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Sequence
 from functools import cache, partial
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from diagrams.batch.run import Case, Record
@@ -43,7 +41,7 @@ class Row:
     name: str  # of the row
     kind: str
     known_mass: bool = False
-    hold_bandwidth: float = np.inf  # of kind hold [Hz]
+    hold_bandwidth: float = float("inf")  # of kind hold [Hz]
     training: str = ""  # experiment that the predictor is trained on
     configuration: str = ""  # of the predictor; gp, knode: their own name
     weight_swing: float = 0.0  # of the controller on the predicted swing [1/N²]
@@ -123,16 +121,6 @@ def digest_of(content: bytes | None) -> str:
     return "" if content is None else hashlib.sha256(content).hexdigest()[:16]
 
 
-@contextmanager
-def model_path(content: bytes | None) -> Iterator[str]:
-    """Yield the path of a file with the content, while the context lasts; empty without one."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.safetensors"
-        if content is not None:
-            path.write_bytes(content)
-        yield "" if content is None else str(path)
-
-
 def _trained(case: Case, **how) -> dict:
     """Return {"file": model file in base 64} of a case {"model": configuration, "training":
     experiment}; further arguments of `train_row`.
@@ -147,39 +135,14 @@ def _trained(case: Case, **how) -> dict:
 def _flown(
     case: Case, flight: Callable[[Case, Row, str], dict], rows: Sequence[Row], models: Models
 ) -> dict:
-    """Return what `flight(case, row, path of its model)` returns."""
+    """Return what `flight(case, row, path of its model)` returns; the path is empty without one."""
     row = named(rows, case["row"])
-    with model_path(models.get(row.key)) as model:
-        return flight(case, row, model)
-
-
-def train_rows(
-    run: FlownRun, rows: Sequence[Row], *, config: dict, **world
-) -> tuple[list[Record], Models]:
-    """Train what `rows` need and write the model files into the folder of the run.
-
-    Args:
-        config: all that the results depend on other than the case.
-        world: vehicle and reality, as of `configure`.
-    Returns: the records and the content of the files; a model whose training failed is missing.
-    """
-    keys = list(dict.fromkeys(row.key for row in rows if row.training))
-    prior = {"prior": digest_of(NP_MODEL.read_bytes())}  # whose bank `learned` takes
-    cases = [
-        {"model": configuration, "training": training}
-        | (prior if configuration == LEARNED_BANK else {})
-        for training, configuration in keys
-    ]
-    work = partial(_trained, seed=run.seed, solver=run.solver, **world)
-    records = run.cases("training", "models", work, cases, config=config)
-    models = {
-        key: base64.b64decode(record["result"]["file"])
-        for key, record in zip(keys, records, strict=True)
-        if "result" in record
-    }
-    for (training, configuration), content in models.items():
-        write_bytes(run.folder / f"{configuration}_{training}.safetensors", content)
-    return records, models
+    if row.key not in models:
+        return flight(case, row, "")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.safetensors"
+        path.write_bytes(models[row.key])
+        return flight(case, row, str(path))
 
 
 def fly_rows(
@@ -192,25 +155,42 @@ def fly_rows(
     config: dict,
     **world,
 ) -> tuple[list[Record], list[Record]]:
-    """Train what `rows` need, then fly every row in every scenario, which names its seed.
+    """Train what `rows` need, write the model files into the folder of the run, then fly every row
+    in every scenario, which names its seed.
 
     A case names its model by the digest of its file, so that no result of another one is taken for
     it. Rows whose training failed do not fly.
 
     Args:
         flight: work of a case, its row and the path of its model.
-        config, world: as of `train_rows`.
+        config: all that the results depend on other than the case.
+        world: vehicle and reality, as of `configure`.
     Returns: the records of the trainings and of the flights.
     """
-    trainings, models = train_rows(run, rows, config=config, **world)
+    keys = list(dict.fromkeys(row.key for row in rows if row.training))
+    prior = {"prior": digest_of(NP_MODEL.read_bytes())}  # whose bank `learned` takes
     cases = [
+        {"model": configuration, "training": training}
+        | (prior if configuration == LEARNED_BANK else {})
+        for training, configuration in keys
+    ]
+    train = partial(_trained, seed=run.seed, solver=run.solver, **world)
+    trainings = run.cases("training", "models", train, cases, config=config)
+    models = {
+        key: base64.b64decode(record["result"]["file"])
+        for key, record in zip(keys, trainings, strict=True)
+        if "result" in record
+    }
+    for (training, configuration), content in models.items():
+        write_bytes(run.folder / f"{configuration}_{training}.safetensors", content)
+    flights = [
         {"row": row.name, "model": digest_of(models.get(row.key)), **scenario}
         for row in rows
         if not row.training or row.key in models
         for scenario in scenarios
     ]
     work = partial(_flown, flight=flight, rows=rows, models=models)
-    return trainings, run.cases(title, "flights", work, cases, config=config)
+    return trainings, run.cases(title, "flights", work, flights, config=config)
 
 
 def tidy(records: Sequence[Record]) -> pd.DataFrame:

@@ -48,7 +48,7 @@ from np_drake.payload_filter.bank_options import STATED
 from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.residual_models.motion_model import GP, KNODE
 from np_drake.residual_models.predictor_training import CONFIGURATIONS
-from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle import load_vehicle
 
 TRACKS = ("circle", "lemniscate")  # experiments that are flown
 PLAIN, DITHERED = "plain_circle", "training_circle"  # experiments that are trained on
@@ -113,13 +113,11 @@ def table(summaries: Sequence[dict]) -> list[dict]:
         line = {"row": row, "track": track, **means(of, ERRORS)}
         base = groups.get(("nominal", track))
         for key in ERRORS:
-            whole = np.isfinite(of[key]).all()
-            line[f"{key}_sd"] = float(of[key].std()) if whole else np.nan
+            line[f"{key}_sd"] = float(of[key].std()) if np.isfinite(of[key]).all() else np.nan
             if base is not None:
                 line[f"{key}_cut"] = 1.0 - line[key] / float(base[key].mean())
         line["growth"] = float(of["growth"].mean())
-        line["solve_failures"] = int(of["solve_failures"].sum())
-        lines.append(line)
+        lines.append(line | {"solve_failures": int(of["solve_failures"].sum())})
     return lines
 
 
@@ -149,7 +147,7 @@ def run(
     vehicle: Annotated[str, Option(help="Vehicle that flies in place of the paper's.")] = "",
 ) -> Report:
     """Every controller on circle and lemniscate. --out DIR: models and figure."""
-    run = FlownRun.of(run, count=seeds, solver=solver)
+    run = FlownRun(**vars(run), count=seeds, solver=solver)
     rows = choose_rows(ROWS, only)
     world = world_of(reality, vehicle)
     how = {"solver": run.solver, **world}
@@ -198,8 +196,10 @@ def world_of(reality: Path | None, vehicle: str = "") -> dict[str, Any]:
     """Return the arguments of `configure` for the options; the file's path is absolute, as workers
     may have another folder.
     """
-    own: Vehicle | None = load_vehicle(vehicle) if vehicle else None
-    return {"reality": reality and scenario_file(reality).resolve(), "vehicle": own}
+    return {
+        "reality": reality and scenario_file(reality).resolve(),
+        "vehicle": load_vehicle(vehicle) if vehicle else None,
+    }
 
 
 def plane_tracks(laps: dict[tuple[str, str], dict[str, list]], title: str) -> Figure:
@@ -336,8 +336,7 @@ def hover_table(runs: list[dict]) -> list[dict]:
     for row, mine in flights.groupby("row", sort=False):
         line: dict = {"row": row, "flights": len(mine), **means(mine, HOVER_KEYS)}
         line |= {f"{key}_cut": 1.0 - line[key] / float(base[key].mean()) for key in CUTS}
-        line["solve_failures"] = int(mine["solve_failures"].sum())
-        lines.append(line)
+        lines.append(line | {"solve_failures": int(mine["solve_failures"].sum())})
     return lines
 
 
@@ -369,7 +368,7 @@ def hover(
     reality: Reality = None,
 ) -> Report:
     """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure."""
-    run, world = FlownRun.of(run, count=seeds, solver=solver), world_of(reality)
+    run, world = FlownRun(**vars(run), count=seeds, solver=solver), world_of(reality)
     rows, how = choose_rows(HOVER_ROWS, only), {"solver": run.solver, **world}
     config = {
         "solver": run.solver,
@@ -383,8 +382,10 @@ def hover(
     runs = [{"metrics": HOVER_LOST, **result} for result in results(records)]
     lines = hover_table(runs)
     controllers = {
-        row.name: configure(
-            "hover_swing", row, model=row.training and f"trained on {row.training}", **how
+        row.name: dc.asdict(
+            configure(
+                "hover_swing", row, model=row.training and f"trained on {row.training}", **how
+            ).controller
         )
         for row in rows
     }
@@ -394,10 +395,7 @@ def hover(
                 f"{run.title(learner='np ')}; ± 95 % interval of the mean", lines, HOVER_COLUMNS
             )
         ],
-        config={
-            **run.settings,
-            "controllers": {name: dc.asdict(c.controller) for name, c in controllers.items()},
-        },
+        config={**run.settings, "controllers": controllers},
         metrics={
             "table": lines,
             "runs": [{k: v for k, v in flown.items() if k != "course"} for flown in runs],
@@ -488,8 +486,8 @@ def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
         }
         for name in SIGNALS:
             step = step_response(t, np.array([run[name] for run in mine]))
-            error = {"error": step["size"] / wanted - 1.0}
-            lines.append({**shared, "signal": name, **step, **error})
+            off = step["size"] / wanted - 1.0
+            lines.append({**shared, "signal": name, **step, "error": off})
     return lines
 
 
@@ -512,7 +510,7 @@ def attach(
     run: Run, seeds: Seeds = 20, solver: Solver = DEFAULT_SOLVER, reality: Reality = None
 ) -> Report:
     """100 g more are hung on in flight. --out DIR: models, and the responses as a figure."""
-    run, world = FlownRun.of(run, count=seeds, solver=solver), world_of(reality)
+    run, world = FlownRun(**vars(run), count=seeds, solver=solver), world_of(reality)
     how = {"solver": run.solver, **world}
     config = configure("attach", Row("", "nominal"), **how)
     settings = {

@@ -72,6 +72,11 @@ class Command:
     stamp: float = 0.0  # by the sender's clock [s]
     kind: str = "ATTITUDE_TARGET"  # of the message
 
+    @property
+    def values(self) -> np.ndarray:
+        """Thrust and rates (4,)."""
+        return np.array([self.thrust, *self.rates])
+
 
 @dc.dataclass(frozen=True)
 class Battery:
@@ -148,10 +153,9 @@ class Codec:
         """Return specific force (3,) and body rates (3,) in B at a time as HIGHRES_IMU
         [s, m/s², rad/s].
         """
-        rest = [0.0] * 7
         return self._pack(
             self._out.highres_imu_encode(
-                round(1e6 * stamp), *FRD_TO_FLU * f, *FRD_TO_FLU * w, *rest, 0b111111
+                round(1e6 * stamp), *FRD_TO_FLU * f, *FRD_TO_FLU * w, *([0.0] * 7), 0b111111
             )
         )
 

@@ -196,7 +196,7 @@ class Readings:
             if self._is_absurd(said, now):
                 self.refused["absurd"] += 1
             elif isinstance(said, Command):
-                self._compare(said)
+                self._compare(said.values)
                 self._command, self._command_at = said, now
             elif isinstance(said, Pose):
                 self._poses[said.kind], self._taken[said.kind] = said, now
@@ -230,18 +230,17 @@ class Readings:
             _bring(x, np.nan_to_num(acceleration), ages[0], ages[-1])
         in_force, as_felt = np.full(4, np.nan), False
         if now - self._command_at <= limit:
-            in_force = np.array([self._command.thrust, *self._command.rates])
-            older = self._age(self._command, now) - (
-                self._age(self._inertial[-1], now) if is_felt else -np.inf
+            in_force = self._command.values
+            as_felt = is_felt and (
+                self._age(self._command, now) - self._age(self._inertial[-1], now)
+                < AS_FELT / self._config.rate
             )
-            as_felt = older < AS_FELT / self._config.rate
         return Reading(x, acceleration, in_force, as_felt, problem)
 
-    def _compare(self, told: Command) -> None:
+    def _compare(self, new: np.ndarray) -> None:
         """Take the vehicle as handed over where the commands in force change as those sent do."""
-        before = np.array([self._command.thrust, *self._command.rates])
-        new = np.array([told.thrust, *told.rates])
-        if self.engaged or not self.sent or np.abs(new - before).max() <= ALIKE:
+        is_same = np.abs(new - self._command.values).max() <= ALIKE
+        if self.engaged or not self.sent or is_same:
             return
         is_ours = np.abs(np.array(self.sent) - new).max(axis=1).min() <= ALIKE
         self._alike = self._alike + 1 if is_ours else 0
@@ -275,7 +274,7 @@ class Readings:
         too far from where it was.
         """
         if isinstance(said, Command):
-            return not np.isfinite([said.thrust, *said.rates]).all()
+            return not np.isfinite(said.values).all()
         if isinstance(said, Inertial):
             fastest = 2 * self._config.max_rate
             return not (np.linalg.norm(said.f) <= HARDEST and np.linalg.norm(said.w) <= fastest)

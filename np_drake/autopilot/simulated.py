@@ -53,7 +53,7 @@ class SimulatedAutopilot:
     def take(self, data: bytes, t: float) -> None:
         """Take what has come by the link at a time [s]."""
         for said in self.codec.parse(data):
-            if isinstance(said, Command) and np.isfinite([said.thrust, *said.rates]).all():
+            if isinstance(said, Command) and np.isfinite(said.values).all():
                 self._alive_since = t if t - self._told_at > GAP else min(self._alive_since, t)
                 self.asked_to_hold = self.asked_to_hold and t - self._told_at <= GAP
                 self._told, self._told_at = said, t

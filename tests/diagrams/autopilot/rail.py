@@ -135,14 +135,11 @@ class Rail:
         self.sent: list[tuple[float, Command]] = []
         self._codec, self._send = Codec(AUTOPILOT), self.here.send
         self.here.send = self._note
-        self.autopilot = self._autopilot(config)
+        self.autopilot = FaultyAutopilot(config.vehicle, self.fault)
         if pairs:
             own = self.autopilot.codec
             own.odometry = lambda stamp, x: local_position(own, stamp, x)
-        self.node: Node | None = self.new_node()  # None: its process is dead
-
-    def _autopilot(self, config: FlightConfig) -> SimulatedAutopilot:
-        return FaultyAutopilot(config.vehicle, self.fault)
+        self.node = self.new_node()
 
     def new_node(self) -> Node:
         return Node(self.config, self.here, AtOnce(lambda: self.time, self.fault))
@@ -151,8 +148,7 @@ class Rail:
         while self.time < until - 1e-9:
             self.time = round(self.time + TICK, 9)
             self._move()
-            if self.node is not None:
-                self.node.tick(self.time)
+            self.node.tick(self.time)
         return self
 
     def _move(self) -> None:
@@ -164,7 +160,7 @@ class Rail:
 
     @property
     def phases(self) -> list[str]:
-        return [] if self.node is None else [phase.value for _, phase, _ in self.node.events]
+        return [phase.value for _, phase, _ in self.node.events]
 
     def silent_from(self, begin: float, gap: float = 0.3) -> float | None:
         times = np.array([t for t, _ in self.sent if t >= begin - gap] + [self.time])

@@ -7,12 +7,9 @@ import time
 import numpy as np
 import pytest
 
-from diagrams.autopilot import node as nodes
-from diagrams.autopilot.node import Node, SolverThread, answer_of, make_companion_diagram
+from diagrams.autopilot.node import SolverThread, answer_of, make_companion_diagram
 from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
-from np_drake.autopilot.offboard import OffboardConfig
-from np_drake.autopilot.simulated import SimulatedAutopilot, thrust_of
-from np_drake.references.config import ReferenceConfig
+from np_drake.autopilot.simulated import thrust_of
 from np_drake.rigid_body import P, V
 from tests.diagrams.autopilot.rail import (
     KINDS,
@@ -217,43 +214,6 @@ def test_a_payload_is_taken_over_on_a_busy_machine_without_sagging(case, monkeyp
     else:  # the machine is too slow
         assert dut.node.counts["late"] > 0.4 * dut.node.counts["periods"]
         assert not dut.autopilot.handovers
-
-
-# Real time
-
-
-class SlowVehicle:
-    """Link to a vehicle on a rail whose clock runs at a rate of ours."""
-
-    def __init__(self, config, rate):
-        self.autopilot, self.rate = SimulatedAutopilot(config.vehicle), rate
-        self.x, self.time, self.begin = np.array([*PLACE, 1.0, *np.zeros(9)]), 0.0, time.monotonic()
-
-    def send(self, data):
-        self.autopilot.take(data, self.time)
-
-    def receive(self):
-        found = []
-        while self.time + TICK <= self.rate * (time.monotonic() - self.begin):
-            self.time += TICK
-            self.autopilot.step(self.time, self.x)
-            found.append(self.autopilot.messages(self.time, self.x, np.zeros(6)))
-        return found
-
-
-def test_a_simulated_vehicle_is_flown_by_its_own_clock_however_slow():
-    config = hover(duration=0.2, reference=ReferenceConfig(track="hover", ramp=0.2))
-    # the machine may be busy
-    config.offboard = OffboardConfig(late_solves=100, settle=0.3, stale_after=0.5)
-    vehicle, worker = SlowVehicle(config, rate=0.5), SolverThread()
-    dut = Node(config, vehicle, worker)
-    vehicle.begin = time.monotonic()
-    nodes.fly(dut, wait=20.0)
-    worker.close()
-    assert [phase.value for _, phase, _ in dut.events] == ["ready", "flying", "stopped"]
-    assert dut.flown.t[-1] == pytest.approx(config.end, abs=0.1)
-    assert dut.events[-1][0] <= vehicle.time + 0.1  # by the vehicle's clock
-    assert max(dut.readings.ages) < config.offboard.stale_after
 
 
 def test_a_solve_that_hangs_or_fails_stops_nothing_else():

@@ -14,7 +14,6 @@ from functools import partial
 import pytest
 
 from diagrams.batch import run as batch_run
-from diagrams.batch import run as processes
 from diagrams.batch.run import FailedRun, Workers, as_they_finish, connect
 from diagrams.cli.main import run
 
@@ -129,6 +128,6 @@ def test_what_accepts_a_connection_and_says_nothing_is_no_scheduler():
 
 
 def test_without_the_extra_it_is_one_line(monkeypatch, capsys):
-    monkeypatch.setattr(processes, "find_spec", lambda name: None)
+    monkeypatch.setattr(batch_run, "find_spec", lambda name: None)
     assert run(["reproduce", "robustness", "--scheduler", "tcp://127.0.0.1:1"]) == 2
     assert "pip install 'np_drake[cluster]'" in capsys.readouterr().err.splitlines()[-1]

@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 from diagrams.batch.run import Run, Workers
 from diagrams.certify import Bound, Range, certificate, certify, coverage
-from diagrams.certify.certificate import border, chosen_part
+from diagrams.certify.certificate import chosen_part
 from diagrams.cli.certify import sentence, tables
 from diagrams.cli.main import run as command_line
 from diagrams.loop.experiments import load_experiment
@@ -54,13 +54,6 @@ def made_of(probability, seed, **how):
 @pytest.mark.parametrize("n", [1, 20, 299])
 def test_the_bound_without_failures_is_closed(n):
     assert Bound(0, n, 0.95).upper == pytest.approx(1 - 0.05 ** (1 / n))
-
-
-def test_the_bound_grows_with_failures_up_to_1():
-    upper = [Bound(k, 30, 0.95).upper for k in range(31)]
-    assert np.all(np.diff(upper) > 0)
-    assert upper[-1] == 1.0
-    assert Bound(0, 0, 0.95).upper == 1.0
 
 
 @pytest.mark.parametrize(
@@ -109,13 +102,6 @@ def test_no_cell_can_be_added_to_the_part(failed):
         seen = np.logical_or.accumulate(np.flip(failed, flip), axis=0)
         sizes.append(np.sum(~np.logical_or.accumulate(seen, axis=1)))
     assert part.sum() == max(sizes)
-
-
-@given(maps)
-def test_the_border_is_of_the_part(part):
-    cells = border(part)
-    assert all(part[tuple(cell)] for cell in cells)
-    assert len(cells) > 0 or not part.any()
 
 
 def test_the_bound_holds_as_often_as_it_says():
@@ -188,16 +174,10 @@ def test_a_payload_below_the_ground_fails_and_no_flight_starts_there():
     config.duration, config.reference.ramp, config.reference.height = 0.4, 0.2, 0.93
     config.events = [push(0.1, [0.0, 0.0, -0.1])]  # the hanging payload clears it by 0.075 m
     over = [Range("tether", 0.7, 1.1)]
-    shares = [0.0, 0.35, 0.9]
-    found = [
-        certificate.flown({"flight": 0, "shares": [share]}, config=config, over=over, seed=0)
-        for share in shares
-    ]
+    how = {"config": config, "over": over, "seed": 0}
+    found = [certificate.flown({"flight": 0, "shares": [k]}, **how) for k in (0.0, 0.35, 0.9)]
     assert [one["grounded"] for one in found] == [False, True, False]
-    assert (
-        "the payload must hang above the ground at 0 s; its lowest point is 0."
-        in found[2]["refused"]
-    )
+    assert "the payload must hang above the ground at 0 s" in found[2]["refused"]
 
 
 def test_failed_flights_are_scenario_files_that_fail_alike(tmp_path):

@@ -53,12 +53,6 @@ def test_numbers_of_a_vehicle_are_normal_within_their_intervals():
         assert vehicle.thrust_coefficient == VEHICLE.thrust_coefficient
 
 
-def test_a_vehicle_without_intervals_is_the_same_in_every_draw():
-    rng = np.random.default_rng(0)
-    assert spread_of(Vehicle()) == {}
-    assert drawn_vehicle(Vehicle(), {}, rng) == (Vehicle(), {})
-
-
 def test_intervals_in_which_no_vehicle_can_be_are_refused():
     with pytest.raises(ValueError, match="its intervals hold no vehicle that can be"):
         drawn_vehicle(Vehicle(), {"mass": 1e6}, np.random.default_rng(0))

@@ -36,12 +36,6 @@ def test_a_file_is_copied_with_another_mass_and_what_is_said_of_others(tmp_path,
     assert "no preset; the presets are crazyflie" in capsys.readouterr().err
 
 
-def lines_of(capsys, *arguments):
-    """Each printed line by its first word."""
-    assert run(list(arguments)) == 0
-    return {line.split()[0]: line for line in capsys.readouterr().out.splitlines() if line.strip()}
-
-
 def test_show_says_where_each_value_comes_from(tmp_path, capsys):
     out = tmp_path / "mine.yaml"
     out.write_text(
@@ -50,7 +44,9 @@ def test_show_says_where_each_value_comes_from(tmp_path, capsys):
         "no roll'}\n"
         "intervals: {thrust_coefficient: [[0.99e-5, 1.02e-5]]}\n"
     )
-    dut = lines_of(capsys, "vehicle", "show", str(out))
+    assert run(["vehicle", "show", str(out)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    dut = {line.split()[0]: line for line in said if line.strip()}
     assert dut["mass"].split() == ["mass", "1.5", "kg", "file"]
     assert dut["calibration.command_delay"].split()[1:] == ["0.01", "s", "file"]
     assert dut["calibration.clock_offset"].endswith("default")

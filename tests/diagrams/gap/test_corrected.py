@@ -10,7 +10,6 @@ from diagrams.loop.experiments import load_experiment, training_flight
 from diagrams.loop.flight import default_flight, load_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
-from np_drake.diagnosis import result
 from np_drake.diagnosis import result as an
 from np_drake.effects import Downwash, LinearDrag, MassError, SuspendedPayload, ThrustScale
 from np_drake.effects.base import Measurement, SensorEffect
@@ -19,6 +18,7 @@ from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import shift_state
 from np_drake.vehicle import Vehicle, load_vehicle
+from tests.diagrams.gap.conftest import diagnosis
 
 EVERY = LIBRARY | MEASURED_ROTORS
 RNG = np.random.default_rng(40)
@@ -39,15 +39,6 @@ def cause(effect, onset=None, probability=0.97, deviation=0.01):
         for name, value in effect.values.items()
     }
     return an.Cause(effect.identifier, probability, estimates, onset or {"a": None}, effect=effect)
-
-
-def diagnosis(*causes, posterior=None):
-    nothing = an.Identifiability(True, {}, {}, ())
-    gap_reduction = an.GapReduction(1.0, 1.0)
-    verdict = tuple(c.identifier for c in causes)
-    where = result.Localisation(())
-    parts = (verdict, causes, nothing, where, gap_reduction)
-    return an.Diagnosis("paper", ("a",), ("b",), *parts, posterior=posterior)
 
 
 def written(found, folder, vehicle=None):
@@ -129,13 +120,12 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
     for k in range(1, n):
         slow[k] = keep * slow[k - 1] + np.sqrt(1 - keep**2) * rng.standard_normal(6)
     after = size * (slow + noise * rng.standard_normal((n, 6)))
-    gap, names = result.ChannelGap, result.CHANNELS
     channels = tuple(
-        gap(name, "", 1.0, noise * s, float(np.hypot(s, noise * s)))
-        for name, s in zip(names, size, strict=True)
+        an.ChannelGap(name, "", 1.0, noise * s, float(np.hypot(s, noise * s)))
+        for name, s in zip(an.CHANNELS, size, strict=True)
     )
     times = {"a": step * np.arange(n)}
-    found = remaining_disturbance(result.Localisation(channels, times=times, after={"a": after}))
+    found = remaining_disturbance(an.Localisation(channels, times=times, after={"a": after}))
     np.testing.assert_allclose([*found.force, *found.torque], size, rtol=1e-6)
     np.testing.assert_allclose([*found.force_time, *found.torque_time], time, rtol=0.25)
 

@@ -9,12 +9,12 @@ from diagrams.gap.side_by_side import LONGEST, RESTART, NoReplay, side_by_side, 
 from diagrams.loop.flight import default_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.replay import FRAME_RATE
-from np_drake.diagnosis import result
 from np_drake.diagnosis import result as an
 from np_drake.effects import LinearDrag, SuspendedPayload
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 from systems.payload_config import PayloadConfig
+from tests.diagrams.gap.conftest import diagnosis
 
 VEHICLE = Vehicle()
 DRAG = LinearDrag(0.5, 0.5, 0.5)
@@ -33,10 +33,7 @@ def logged(**reality) -> FlightLog:
 
 
 def found(*causes, joined=()) -> an.Diagnosis:
-    names = tuple(cause.identifier for cause in causes)
-    where, check = result.Localisation(()), an.Identifiability(True, {}, {}, ())
-    parts = (causes, check, where, an.GapReduction(2.0, 1.0))
-    return an.Diagnosis("paper", ("t",), (NAME,), names, *parts, joined=joined)
+    return diagnosis(*causes, held_out=NAME, joined=joined)
 
 
 def cause(effect, onset=None) -> an.Cause:

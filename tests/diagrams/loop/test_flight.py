@@ -221,12 +221,8 @@ def test_no_flight_takes_forever_or_the_whole_memory(tmp_path, text, field):
     assert time.process_time() - start < 5.0  # [s]
 
 
-@pytest.fixture
-def flight(flown):
-    return flown("circle", "hold")
-
-
-def test_the_data_frame_of_a_flight_holds_log_reference_and_truth(flight):
+def test_the_data_frame_of_a_flight_holds_log_reference_and_truth(flown):
+    flight = flown("circle", "hold")
     frame = flight.to_dataframe()
     np.testing.assert_array_equal(frame[["px_ref", "py_ref", "pz_ref"]], flight.signals["p_ref"])
     np.testing.assert_array_equal(frame["fz_true"], flight.chi_true[:, 2])
@@ -234,16 +230,10 @@ def test_the_data_frame_of_a_flight_holds_log_reference_and_truth(flight):
     np.testing.assert_array_equal(frame["px"], flight.log().p[:, 0])
 
 
-def early(name):
-    """The experiment with its events half a second after the start."""
-    config = short(name, "hold", duration=0.6)
-    config.events = [dc.replace(event, time=0.5) for event in config.events]
-    return config.check()
-
-
 @pytest.mark.parametrize("name", ["attach", "circle"])
 def test_a_plain_simulator_flies_the_experiment(name):
-    config = early(name)
+    config = short(name, "hold", duration=0.6)
+    config.events = [dc.replace(event, time=0.5) for event in config.events]
     diagram = make_flight_diagram(config)
     simulator = make_simulator(diagram, config, seed=4)
     simulator.AdvanceTo(config.end + 0.01)

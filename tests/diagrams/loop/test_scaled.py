@@ -23,11 +23,6 @@ def plain(config: FlightConfig) -> dict:
     return settings_of(config) | {"scaled": False}
 
 
-def without_noise(config: FlightConfig) -> FlightConfig:
-    config.reality.noise = MeasurementNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return config
-
-
 def test_the_default_scenario_of_the_papers_vehicle_is_bit_identical():
     assert plain(default_flight(Vehicle())) == plain(FlightConfig())
 
@@ -55,7 +50,8 @@ def test_the_controller_knows_the_delay_of_the_file_within_its_limit():
 def test_similar_vehicles_fly_the_same_dimensionless_circle():
     errors = []
     for vehicle in (Vehicle(), similar(Vehicle(), 0.25)):
-        config = without_noise(load_experiment("circle", vehicle))
+        config = load_experiment("circle", vehicle)
+        config.reality.noise = MeasurementNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         config.duration, config.reference.ramp = (s * ratios(vehicle).time for s in (0.5, 1.0))
         config.controller.kind, config.controller.solver = "hold", "sqp"
         flight, unit = fly(config, seed=0), scales(vehicle)

@@ -54,13 +54,10 @@ def test_a_lost_flight_never_knows_its_change():
     table = {"known": [0.1, 0.2, 0.3, 0.1, 0.3, nan], "peak": [0.01, 0.03, 0.02, 0.01, 0.02, nan]}
     rows = {"row": 3 * ["np"] + 3 * ["hold"], "gone": 5 * [False] + [True]}
     np_line, hold = responses(pd.DataFrame(rows | table))
-    assert [np_line[k] for k in ("row", "lost", "known", "known_95", "peak_most")] == [
-        *("np", 0, 0.2, 0.3, 0.03)
-    ]
+    keys = ("row", "flights", "lost", "known", "known_95", "peak_most")
+    assert [np_line[k] for k in keys] == ["np", 3, 0, 0.2, 0.3, 0.03]
+    assert [hold[k] for k in keys] == ["hold", 3, 1, 0.3, math.inf, math.inf]
     assert [np_line["soon"], hold["soon"]] == pytest.approx([2 / 3, 1 / 3])
-    assert [hold[k] for k in ("flights", "lost", "known", "known_95", "peak_most")] == [
-        *(3, 1, 0.3, math.inf, math.inf)
-    ]
 
 
 def test_a_draw_that_cannot_be_flown_says_why(monkeypatch):

@@ -10,7 +10,6 @@ from diagrams.studies import tracking
 from diagrams.studies.options import FlownRun, fixed, percent, spread
 from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, tidy
 
-REGIME = "paper_vehicle"
 ROWS = (Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np"))
 
 

@@ -34,9 +34,6 @@ class Channel:
         self._under_way = [m for m in self._under_way if m[0] > now]
         return [data for _, data in come]
 
-    def close(self) -> None:
-        self._under_way.clear()
-
 
 def local_position(codec: Codec, stamp: float, x: np.ndarray) -> bytes:
     """Return the state (13,) as LOCAL_POSITION_NED and ATTITUDE_QUATERNION."""
