@@ -28,7 +28,7 @@ class MassError(MassEffect):
     }
     requires = ("thrust",)
     tolerance = "mass"
-    parameters = (Parameter("delta_mass", "kg", 0.0, -1.0, 2.0, 0.2, departure="mass {signed}"),)
+    parameters = (Parameter("delta_mass", "kg", 0.0, -20.0, 40.0, 0.2, departure="mass {signed}"),)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
