@@ -194,8 +194,11 @@ def motors(contents: Contents) -> Motors:
         told.get(f"motorOutput[{i}]", told.get(old, 0.0))
         for i, old in enumerate(("minthrottle", "maxthrottle"))
     ]
-    whole = len(columns) in (4, 6, 8) and ends[0] < ends[1]
-    throttle = Source([f"main/{name}" for name in columns], "us", ends=ends) if whole else Source()
+    throttle = (
+        Source([f"main/{name}" for name in columns], "us", ends=ends)
+        if len(columns) in (4, 6, 8) and ends[0] < ends[1]
+        else Source()
+    )
     if len(columns) != 4:
         return Motors(throttle, notes=of_collective(len(columns)))
     speed = first_source(
@@ -204,8 +207,12 @@ def motors(contents: Contents) -> Motors:
         unit="rad/s",
     )
     if not speed and told.get("motor_poles", 0) > 0:  # in hundreds of electrical rpm
-        names = (indexed(f"main/{name}", 4) for name in ("eRPM", "eRPM(/100)"))
-        speed = first_source(contents, names, unit="rpm", scale=200 / told["motor_poles"])
+        speed = first_source(
+            contents,
+            (indexed(f"main/{name}", 4) for name in ("eRPM", "eRPM(/100)")),
+            unit="rpm",
+            scale=200 / told["motor_poles"],
+        )
     layout = FIRMWARE["betaflight"]
     turns = {0.0: 1.0, 1.0: -1.0}.get(told.get(REVERSED, np.nan), 0.0)
     firmware = next((name for key, name in FIRMWARES.items() if key in told), "Betaflight")
@@ -277,8 +284,9 @@ def _told(of_imu: np.ndarray, turn: np.ndarray) -> np.ndarray:
     is learnt.
     """
     steps = attitude.rotation_vector(attitude.multiply(attitude.conjugate(of_imu[:-1]), of_imu[1:]))
-    unlearnt = np.all(turn[1:, 1:] == 0, axis=1)
-    jumps = np.flatnonzero(unlearnt & (np.linalg.norm(steps, axis=1) > FORGETS))
+    jumps = np.flatnonzero(
+        np.all(turn[1:, 1:] == 0, axis=1) & (np.linalg.norm(steps, axis=1) > FORGETS)
+    )
     return np.arange(len(of_imu)) > np.max(jumps, initial=-1)
 
 
@@ -537,8 +545,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     content = _content(path)
     known, bad = _sessions(path, content)
     session = _largest(known)
-    columns = session.columns
-    alike = [s for s in known if s.columns == columns and s.scales == session.scales]
+    alike = [s for s in known if s.columns == session.columns and s.scales == session.scales]
     others = [str(s.number) for s in known if s not in alike]
     said = [f"{line}; left out" for line in bad]
     if len(alike) > 1:
@@ -561,8 +568,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             if latest < times.min(initial=np.inf) < np.inf and len(parts) > 1:
                 breaks.append((float(times.min()), "another log begins"))
             latest = max(latest, times.max(initial=-np.inf))
-        which = f"log {own.number}: " if len(known) > 1 else ""
-        notes += _odd(which, told, streams.get(BODY))
+        notes += _odd(f"log {own.number}: " if len(known) > 1 else "", told, streams.get(BODY))
     require(
         parts,
         f"{path}: must hold a whole I frame after its header; it has none. {REMEDY}.",
@@ -583,8 +589,9 @@ def _parameters(session: _Session) -> dict[str, float]:
     found: dict[str, float] = {}
     for name, text in session.settings.items():
         values = _numbers(text)
-        names = [name] if len(values) == 1 else indexed(name, len(values))
-        found |= zip(names, values, strict=True)
+        found |= zip(
+            [name] if len(values) == 1 else indexed(name, len(values)), values, strict=True
+        )
     match = REVISION.match(session.settings.get("Firmware revision", ""))
     if match:
         found[match[1].lower()] = int(match[2]) + int(match[3]) / 100
@@ -657,8 +664,9 @@ def _odd(which: str, told: np.ndarray, body: Stream | None) -> Iterator[str]:
 def _facts(session: _Session) -> dict[str, str]:
     """Return what the header says of vehicle, firmware and scales."""
     told = session.settings
-    facts = {title: told[name] for name, title in FACTS.items() if told.get(name)}
-    return {"clock": "time since the start of the firmware [s]"} | facts
+    return {"clock": "time since the start of the firmware [s]"} | {
+        title: told[name] for name, title in FACTS.items() if told.get(name)
+    }
 
 
 BLACKBOX = Format(

@@ -275,8 +275,12 @@ def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     names = wanted.get(TABLE, ())
     q = _quaternions(rows[QUATERNION]) if QUATERNION in dict(variables) else {}
     columns = {name: q[name] if name in q else _floats(rows[name]) for name in names}
-    facts = {"log version": "0, in blocks", "clock": "time since the start of the firmware [s]"}
-    return Recording(str(path), {TABLE: Stream(t, columns)}, facts, notes)
+    return Recording(
+        str(path),
+        {TABLE: Stream(t, columns)},
+        {"log version": "0, in blocks", "clock": "time since the start of the firmware [s]"},
+        notes,
+    )
 
 
 def _variables(path: Path, content: bytes) -> tuple[list[tuple[str, str]], int]:

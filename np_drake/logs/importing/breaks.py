@@ -136,8 +136,12 @@ def find_breaks(
         seen += _jumps(signals[name].t, np.diff(signals[name].values, axis=0) * unit, name, asked)
     if "attitude" in signals:
         q = convert_quantity("attitude", signals["attitude"].values, log_map)
-        turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
-        seen += _jumps(signals["attitude"].t, turned, "attitude", asked)
+        seen += _jumps(
+            signals["attitude"].t,
+            attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:])),
+            "attitude",
+            asked,
+        )
     apart = (b for b in seen if not any(b.before < s.after > s.before < b.after for s in bridged))
     return _joined([*found, *apart])
 
@@ -152,8 +156,9 @@ def split(
         origin: from which times of the lines count [s].
     """
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
-    spans = zip(edges[::2], edges[1::2], strict=True)
-    found = [within(signals, start, stop) for start, stop in spans]
+    found = [
+        within(signals, start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True)
+    ]
     kept = [not lacking for _, lacking in found]
     said = []
     for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
