@@ -334,8 +334,8 @@ def said_of_bridged(logs: Sequence[FlightLog]) -> list[str]:
     if not any(counts):
         return []
     share = sum(counts) / sum(map(len, logs))
-    flights = f"{sum(map(bool, counts))} of {len(logs)} flights"
     return [
-        f"{sum(counts)} rows ({percent(share)}) in gaps of {flights} were filled in; they do not "
-        "count in the answer, and below 10 % nothing needs to be done."
+        f"{sum(counts)} rows ({percent(share)}) in gaps of {sum(map(bool, counts))} of {len(logs)} "
+        "flights were filled in; they do not count in the answer, and below 10 % nothing needs to "
+        "be done."
     ]

@@ -354,9 +354,9 @@ def with_vehicle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     if wanted not in (chosen, "command"):
         note = (
             f"no {WORDS[wanted]}: thrust and torque from {WORDS[chosen]}, though vehicle "
-            f"{vehicle.name!r} says"
+            f"{vehicle.name!r} says input: {wanted}"
         )
-        log = dc.replace(log, notes=[*log.notes, f"{note} input: {wanted}"])
+        log = dc.replace(log, notes=[*log.notes, note])
     if chosen == "rotor_speed":
         return with_rotor_input(log, vehicle)
     if chosen == "normalised":

@@ -25,7 +25,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.checks import require
-from np_drake.files.file_access import decompressed, decompressed_start
+from np_drake.files.file_access import decompressed_start
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox_frames import (
     BATTERY,
@@ -53,6 +53,7 @@ from np_drake.logs.formats.format import (
     first_source,
     indexed,
     of_collective,
+    whole_content,
 )
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.vehicle.rotor_layout import FIRMWARE
@@ -181,9 +182,6 @@ def _inav_map(contents: Contents) -> LogMap:
     )
 
 
-FIRMWARES = {"inav": "INAV", "indiflight": "Indiflight"}  # by the key of the version
-
-
 def motors(contents: Contents) -> Motors:
     """Return the motors of a log, and their layout, that of Betaflight's Quad X, where they are
     four; they turn as the header states, if it does.
@@ -215,7 +213,7 @@ def motors(contents: Contents) -> Motors:
         )
     layout = FIRMWARE["betaflight"]
     turns = {0.0: 1.0, 1.0: -1.0}.get(told.get(REVERSED, np.nan), 0.0)
-    firmware = next((name for key, name in FIRMWARES.items() if key in told), "Betaflight")
+    firmware = next((name for name in ("INAV", "Indiflight") if name.lower() in told), "Betaflight")
     return Motors(
         throttle,
         speed,
@@ -409,11 +407,11 @@ def _settings(content: bytes, start: int, stop: int) -> tuple[dict[str, str], in
     while content.startswith(b"H ", start, stop):
         end = content.find(b"\n", start, min(start + LONGEST_LINE, stop))
         line = content[start + 2 : end]
-        if end < 0 or not line.isascii() or b":" not in line:
-            last = next(reversed(found), "none")
-            raise ValueError(
-                f"lines must be `H name:value`; that behind {last!r} is cut or damaged"
-            )
+        require(
+            end >= 0 and line.isascii() and b":" in line,
+            f"lines must be `H name:value`; that behind {next(reversed(found), 'none')!r} is cut "
+            "or damaged",
+        )
         name, _, value = line.decode("ascii").partition(":")
         found[name.strip()] = value.strip()
         start = end + 1
@@ -501,9 +499,12 @@ def _constant(predictor: int, name: str, settings: Mapping[str, str]) -> int:
 
 def _intervals(settings: Mapping[str, str]) -> np.ndarray:
     """Return the interval of I frames, numerator and denominator of that of P frames [loops]."""
-    interval = _numbers(settings.get("I interval", "1"))
     numerator, _, denominator = settings.get("P interval", "1").rpartition("/")
-    values = [*interval[:1], *_numbers(numerator or "1")[:1], *_numbers(denominator)[:1]]
+    values = [
+        number
+        for text in (settings.get("I interval", "1"), numerator or "1", denominator)
+        for number in _numbers(text)[:1]
+    ]
     require(
         len(values) == 3
         and all(least <= v <= MOST_LOOPS for v, least in zip(values, (1, 1, 0), strict=True)),
@@ -512,19 +513,12 @@ def _intervals(settings: Mapping[str, str]) -> np.ndarray:
     return np.array(values).astype(np.int64)
 
 
-def _content(path: Path) -> bytes:
-    try:
-        return decompressed(path)
-    except ValueError as error:
-        raise LogError(str(error)) from error
-
-
 def _contents(path: Path) -> Contents:
     """Return the fields of the frames; reads the headers only.
 
     Raises: LogError: if no header is whole.
     """
-    session = _largest(_sessions(path, _content(path))[0])
+    session = _largest(_sessions(path, whole_content(path))[0])
     revision = session.settings.get("Firmware revision", "")
     count = sum(bool(MOTOR.fullmatch(name)) for name in session.names)
     other = (
@@ -542,7 +536,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
 
     Raises: LogError: if no header is whole, or no log has a frame.
     """
-    content = _content(path)
+    content = whole_content(path)
     known, bad = _sessions(path, content)
     session = _largest(known)
     alike = [s for s in known if s.columns == session.columns and s.scales == session.scales]

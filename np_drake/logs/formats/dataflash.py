@@ -474,8 +474,11 @@ def _facts(log: _Log) -> dict[str, str]:
 
 def _parameters(log: _Log) -> dict[str, float]:
     """Return the parameters that bear on motors and thrust, as they are at the end."""
-    rows = log.texts("PARM", "Name", "Value")
-    values = {name: _number(value) for name, value in rows if PARAMETERS.fullmatch(name)}
+    values = {
+        name: _number(value)
+        for name, value in log.texts("PARM", "Name", "Value")
+        if PARAMETERS.fullmatch(name)
+    }
     return {name: value for name, value in values.items() if np.isfinite(value)}
 
 

@@ -135,8 +135,11 @@ def _frame(data: bytes, at: int) -> tuple[tuple[int, int], int, int]:
 
 def _begins(start: bytes) -> bool:
     """Return whether bytes begin with a time of receipt and a message."""
-    in_time = SINCE < int.from_bytes(start[:STAMP], "big") < UNTIL
-    return in_time and len(start) > STAMP and start[STAMP] in HEADS
+    return (
+        SINCE < int.from_bytes(start[:STAMP], "big") < UNTIL
+        and len(start) > STAMP
+        and start[STAMP] in HEADS
+    )
 
 
 def _value(message: Any, column: str) -> float:

@@ -439,8 +439,11 @@ def _contents(path: Path) -> Contents:
             t = data.data["timestamp"]
             span = float(t.max() - t.min())
             rates[name] = (len(t) - 1) * 1e6 / span if span else 0.0
-            functions = [c for c in columns if c.endswith(".actuator_function")]
-            values |= {f"{name}/{c}": float(data.data[c][-1]) for c in functions}
+            values |= {
+                f"{name}/{c}": float(data.data[c][-1])
+                for c in columns
+                if c.endswith(".actuator_function")
+            }
             moves = {
                 c: np.count_nonzero(np.diff(data.data[c][np.isfinite(data.data[c])]))
                 for c in columns
@@ -669,15 +672,6 @@ def _is_used(name: str, parameters: Mapping[str, Any]) -> bool:
     return rotor is None or not isinstance(count, int) or int(rotor[1]) < count
 
 
-_RATES = (
-    indexed("vehicle_angular_velocity/xyz", 3),
-    indexed("sensor_combined/gyro_rad", 3),
-    [f"vehicle_attitude/{axis}speed" for axis in ("roll", "pitch", "yaw")],
-    indexed("vehicle_odometry/angular_velocity", 3),
-)
-_FORCES = (indexed("sensor_combined/accelerometer_m_s2", 3), indexed("vehicle_acceleration/xyz", 3))
-
-
 def _default_map(contents: Contents) -> LogMap | None:
     """Return the map of PX4's own messages (NED, FRD); None without position and attitude.
 
@@ -707,9 +701,26 @@ def _default_map(contents: Contents) -> LogMap | None:
             order="wxyz",
             direction="body_to_world",
         ),
-        rates=first_source(contents, _RATES, unit="rad/s", axes="body"),
+        rates=first_source(
+            contents,
+            (
+                indexed("vehicle_angular_velocity/xyz", 3),
+                indexed("sensor_combined/gyro_rad", 3),
+                [f"vehicle_attitude/{axis}speed" for axis in ("roll", "pitch", "yaw")],
+                indexed("vehicle_odometry/angular_velocity", 3),
+            ),
+            unit="rad/s",
+            axes="body",
+        ),
         acceleration=first_source(
-            contents, _FORCES, unit="m/s2", axes="body", kind="specific_force"
+            contents,
+            (
+                indexed("sensor_combined/accelerometer_m_s2", 3),
+                indexed("vehicle_acceleration/xyz", 3),
+            ),
+            unit="m/s2",
+            axes="body",
+            kind="specific_force",
         ),
         rotor_speed=motors(contents).rotor_speed,
         throttle=fast.throttle

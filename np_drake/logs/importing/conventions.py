@@ -283,8 +283,9 @@ def _explained(change: Change, log_map: LogMap) -> str:
     signed = zip("xyz", np.sign(turn.round()), strict=True)
     axes = [f"-{axis}" if sign < 0 else axis for axis, sign in signed if sign]
     about = axes[0] if len(axes) == 1 else f"the diagonal of {', '.join(axes)}"
-    angle = np.linalg.norm(turn)
-    return f"{text} (the attitude's axes are turned by {angle:.0f} deg about {about})"
+    return (
+        f"{text} (the attitude's axes are turned by {np.linalg.norm(turn):.0f} deg about {about})"
+    )
 
 
 def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
