@@ -181,8 +181,9 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
     left_out |= {*UNSTATED.get(log.input, ())}
     kept = {name: values for name, values in log.columns().items() if name not in left_out}
     if "attitude" in log.lacks and log.a is not None:
-        force = attitude.rotate_back(log.q, log.a + [0.0, 0.0, GRAVITY])
-        kept |= dict(zip(FORCE, force.T, strict=True))
+        kept |= dict(
+            zip(FORCE, attitude.rotate_back(log.q, log.a + [0.0, 0.0, GRAVITY]).T, strict=True)
+        )
     return kept
 
 
@@ -304,8 +305,7 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     where = np.repeat(gaps + 1, [len(fill) for fill in fills])
     bridged = np.insert(np.zeros(len(t), bool), where, True)
     q = table.array(COLUMNS["q"])
-    near = dict(zip(COLUMNS["q"], attitude.one_hemisphere(q, q[0]).T, strict=True))
-    known = table.columns | near
+    known = table.columns | dict(zip(COLUMNS["q"], attitude.one_hemisphere(q, q[0]).T, strict=True))
     new = {name: np.insert(column, where, np.nan) for name, column in known.items()}
     new["t"][bridged] = np.concatenate(fills)
     for field in fields:
@@ -334,8 +334,8 @@ def said_of_bridged(logs: Sequence[FlightLog]) -> list[str]:
     if not any(counts):
         return []
     share = sum(counts) / sum(map(len, logs))
-    flights = f"{sum(map(bool, counts))} of {len(logs)} flights"
     return [
-        f"{sum(counts)} rows ({percent(share)}) in gaps of {flights} were filled in; they do not "
-        "count in the answer, and below 10 % nothing needs to be done."
+        f"{sum(counts)} rows ({percent(share)}) in gaps of {sum(map(bool, counts))} of {len(logs)} "
+        "flights were filled in; they do not count in the answer, and below 10 % nothing needs to "
+        "be done."
     ]

@@ -85,8 +85,7 @@ def write_sheet(sheet: Sheet, log: str | Path) -> Path:
         "said": list(sheet.said) or None,
     }
     content = {name: value for name, value in read.items() if value is not None} | sheet.content
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
-    write_text(path, HEAD + text)
+    write_text(path, HEAD + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110))
     return path
 
 

@@ -111,8 +111,9 @@ def _with_scatter(
     """Return the map with the scatter of thrust between the flights of each group."""
     squares, freedom = 0.0, 0
     for flights in filter(None, groups):
-        seen = [_lifted(log, gravity, known.volts) for log in flights]
-        thrust = np.log([one.scale(known.exponent) for one in seen])
+        thrust = np.log(
+            [_lifted(log, gravity, known.volts).scale(known.exponent) for log in flights]
+        )
         squares += float(np.sum(np.square(thrust - thrust.mean())))
         freedom += len(flights) - 1
     return dc.replace(known, scatter=squares, freedom=freedom)
@@ -142,8 +143,11 @@ def voltage_of(log: FlightLog) -> np.ndarray | None:
     if log.voltage is None:
         return None
     usual = float(np.median(log.voltage))
-    near = usual > 0 and bool(np.all(np.abs(log.voltage - usual) < BELIEVED * usual))
-    return log.voltage[:, None] if near else None
+    return (
+        log.voltage[:, None]
+        if usual > 0 and np.all(np.abs(log.voltage - usual) < BELIEVED * usual)
+        else None
+    )
 
 
 def usual_voltage(flights: Sequence[FlightLog]) -> float | None:
@@ -162,8 +166,7 @@ def lift_fit(flights: Sequence[FlightLog]) -> tuple[float, float, float]:
     """
     seen = [_lifted(log, GRAVITY) for log in flights]
     exponent = _fitted_exponent(seen)
-    strength = float(np.median([own.scale(exponent) for own in seen]))
-    return exponent, strength, _loss(seen, exponent)
+    return exponent, float(np.median([own.scale(exponent) for own in seen])), _loss(seen, exponent)
 
 
 @dc.dataclass(frozen=True)
@@ -266,8 +269,10 @@ def with_hover_thrust(
     def noted(log: FlightLog) -> FlightLog:
         if not _by_speed(log):
             return log
-        others = [other for other in log.notes if not other.startswith(COEFFICIENT_NOTE)]
-        return dc.replace(with_rotor_input(log, fitted), notes=[*others, note])
+        return dc.replace(
+            with_rotor_input(log, fitted),
+            notes=[*[other for other in log.notes if not other.startswith(COEFFICIENT_NOTE)], note],
+        )
 
     return fitted, [noted(log) for log in train], [noted(log) for log in held_out]
 
@@ -349,9 +354,9 @@ def with_vehicle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     if wanted not in (chosen, "command"):
         note = (
             f"no {WORDS[wanted]}: thrust and torque from {WORDS[chosen]}, though vehicle "
-            f"{vehicle.name!r} says"
+            f"{vehicle.name!r} says input: {wanted}"
         )
-        log = dc.replace(log, notes=[*log.notes, f"{note} input: {wanted}"])
+        log = dc.replace(log, notes=[*log.notes, note])
     if chosen == "rotor_speed":
         return with_rotor_input(log, vehicle)
     if chosen == "normalised":

@@ -125,8 +125,7 @@ def _turns(log: FlightLog, vehicle: Vehicle | None) -> bool:
     """
     if vehicle is None:
         return False
-    driven = chosen_input(log, vehicle) in ("rotor_speed", "normalised")
-    return driven or log.balance is not None
+    return chosen_input(log, vehicle) in ("rotor_speed", "normalised") or log.balance is not None
 
 
 def _driven(found: Opened, given: Vehicle | None, seen: Seen | None) -> Opened:
@@ -218,8 +217,11 @@ def _beside(log: FlightLog, others: Sequence[FlightLog], least: float) -> Flight
             f"is of {own}; it is of {', '.join(told)}. {HOW}."
         )
     paths = [Neighbour(other.t + (other.start - log.start), other.p, other.name) for other in near]
-    notes = log.notes + [_checked(log, path, least) for path in paths]
-    return dc.replace(log, neighbours=(*log.neighbours, *paths), notes=notes)
+    return dc.replace(
+        log,
+        neighbours=(*log.neighbours, *paths),
+        notes=log.notes + [_checked(log, path, least) for path in paths],
+    )
 
 
 def _checked(log: FlightLog, path: Neighbour, least: float) -> str:

@@ -112,8 +112,9 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
     """
     if not np.isfinite(log.u).all() or not _long_and_fast(log):
         return None
-    delays = (0.0,) if log.input == "rotor_speed" else DELAYS
-    turn, _, moved = _in_band(log, vehicle, log.u[:, 1:], delays)
+    turn, _, moved = _in_band(
+        log, vehicle, log.u[:, 1:], (0.0,) if log.input == "rotor_speed" else DELAYS
+    )
     size = np.linalg.norm(turn, axis=0)
     best = (np.full(3, -np.inf), np.ones(3))
     for torque in moved:
@@ -372,8 +373,11 @@ def board_turn(order: RotorOrder, vehicle: Vehicle) -> int:
     if order.directions != given(vehicle)[1]:
         return 0
     seen, most = places[list(order.rotors)], NEAR * np.abs(places).mean()
-    turns = {90: -1.0j, -90: 1.0j, 180: -1.0}  # of places, in the axes of the board
-    fits = (angle for angle, by in turns.items() if np.abs(by * places - seen).max() < most)
+    fits = (
+        angle
+        for angle, by in {90: -1.0j, -90: 1.0j, 180: -1.0}.items()
+        if np.abs(by * places - seen).max() < most
+    )
     return next(fits, 0)
 
 
@@ -382,8 +386,12 @@ def _with_board_turned(log: FlightLog, angle: float) -> FlightLog:
     turn = attitude.from_rotation_vector(np.array([0.0, 0.0, np.radians(angle)]))
     names = [name for name in ("w", "al", "commanded_rates") if getattr(log, name) is not None]
     vectors: dict[str, Any] = {name: attitude.rotate(turn, getattr(log, name)) for name in names}
-    u = np.column_stack([log.u[:, :1], attitude.rotate(turn, log.u[:, 1:])])
-    return dc.replace(log, q=attitude.multiply(log.q, attitude.conjugate(turn)), u=u, **vectors)
+    return dc.replace(
+        log,
+        q=attitude.multiply(log.q, attitude.conjugate(turn)),
+        u=np.column_stack([log.u[:, :1], attitude.rotate(turn, log.u[:, 1:])]),
+        **vectors,
+    )
 
 
 def _stated_order(log: FlightLog, vehicle: Vehicle) -> list[int]:
@@ -414,8 +422,13 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
         if not is_each(log.balance):
             raise
         # Their collective thrust is told all the same.
-        notes = [*log.notes, f"the balance of the rotors is not used: {error}"]
-        return dc.replace(log, balance=None, layout=None, motors=(), notes=notes)
+        return dc.replace(
+            log,
+            balance=None,
+            layout=None,
+            motors=(),
+            notes=[*log.notes, f"the balance of the rotors is not used: {error}"],
+        )
     layout, log = log.layout, dc.replace(log, layout=None)
     if order == list(range(4)):
         return log
@@ -427,8 +440,12 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
 
 def _reordered(log: FlightLog, order: list[int], note: str) -> FlightLog:
     columns = {name: getattr(log, name)[:, order] for name in EACH if is_each(getattr(log, name))}
-    motors = tuple(log.motors[i] for i in order) if log.motors else ()
-    return dc.replace(log, **columns, motors=motors, notes=[*log.notes, note])
+    return dc.replace(
+        log,
+        **columns,
+        motors=tuple(log.motors[i] for i in order) if log.motors else (),
+        notes=[*log.notes, note],
+    )
 
 
 def _better(best: RotorOrder, own: RotorOrder) -> bool:
@@ -445,8 +462,10 @@ def _described(order: RotorOrder, vehicle: Vehicle) -> str:
     above.
     """
     names = places(vehicle.rotor_positions)
-    turns = zip(order.rotors, order.directions, strict=True)
-    return ", ".join(f"{names[i]} ({'cw' if d > 0 else 'ccw'})" for i, d in turns)
+    return ", ".join(
+        f"{names[i]} ({'cw' if d > 0 else 'ccw'})"
+        for i, d in zip(order.rotors, order.directions, strict=True)
+    )
 
 
 def _figures(order: RotorOrder) -> str:

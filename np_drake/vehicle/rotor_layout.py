@@ -48,8 +48,10 @@ class RotorLayout:
             way.
         """
         own, other = _scaled(self.positions), _scaled(positions)
-        orders = [list(order) for order in itertools.permutations(range(len(own)))]
-        order = min(orders, key=lambda chosen: float(np.sum((own[chosen] - other) ** 2)))
+        order = min(
+            [list(order) for order in itertools.permutations(range(len(own)))],
+            key=lambda chosen: float(np.sum((own[chosen] - other) ** 2)),
+        )
         apart = float(np.linalg.norm(own[order] - other, axis=1).max())
         if apart > NEAR:
             found = ", ".join(f"[{x:.3g}, {y:.3g}, 0]" for x, y in self.positions)
@@ -161,5 +163,9 @@ def rotor_names(
         motors: what each log calls them, in the order of the vehicle; empty: nothing.
     """
     called = [", ".join(dict.fromkeys(names)) for names in zip(*filter(None, motors), strict=True)]
-    found = zip(places(positions), called or [""] * len(positions), strict=True)
-    return [RotorName(number, *names) for number, names in enumerate(found, start=1)]
+    return [
+        RotorName(number, *names)
+        for number, names in enumerate(
+            zip(places(positions), called or [""] * len(positions), strict=True), start=1
+        )
+    ]

@@ -25,7 +25,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.checks import require
-from np_drake.files.file_access import decompressed, decompressed_start
+from np_drake.files.file_access import decompressed_start
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox_frames import (
     BATTERY,
@@ -53,6 +53,7 @@ from np_drake.logs.formats.format import (
     first_source,
     indexed,
     of_collective,
+    whole_content,
 )
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.vehicle.rotor_layout import FIRMWARE
@@ -181,9 +182,6 @@ def _inav_map(contents: Contents) -> LogMap:
     )
 
 
-FIRMWARES = {"inav": "INAV", "indiflight": "Indiflight"}  # by the key of the version
-
-
 def motors(contents: Contents) -> Motors:
     """Return the motors of a log, and their layout, that of Betaflight's Quad X, where they are
     four; they turn as the header states, if it does.
@@ -194,8 +192,11 @@ def motors(contents: Contents) -> Motors:
         told.get(f"motorOutput[{i}]", told.get(old, 0.0))
         for i, old in enumerate(("minthrottle", "maxthrottle"))
     ]
-    whole = len(columns) in (4, 6, 8) and ends[0] < ends[1]
-    throttle = Source([f"main/{name}" for name in columns], "us", ends=ends) if whole else Source()
+    throttle = (
+        Source([f"main/{name}" for name in columns], "us", ends=ends)
+        if len(columns) in (4, 6, 8) and ends[0] < ends[1]
+        else Source()
+    )
     if len(columns) != 4:
         return Motors(throttle, notes=of_collective(len(columns)))
     speed = first_source(
@@ -204,11 +205,15 @@ def motors(contents: Contents) -> Motors:
         unit="rad/s",
     )
     if not speed and told.get("motor_poles", 0) > 0:  # in hundreds of electrical rpm
-        names = (indexed(f"main/{name}", 4) for name in ("eRPM", "eRPM(/100)"))
-        speed = first_source(contents, names, unit="rpm", scale=200 / told["motor_poles"])
+        speed = first_source(
+            contents,
+            (indexed(f"main/{name}", 4) for name in ("eRPM", "eRPM(/100)")),
+            unit="rpm",
+            scale=200 / told["motor_poles"],
+        )
     layout = FIRMWARE["betaflight"]
     turns = {0.0: 1.0, 1.0: -1.0}.get(told.get(REVERSED, np.nan), 0.0)
-    firmware = next((name for key, name in FIRMWARES.items() if key in told), "Betaflight")
+    firmware = next((name for name in ("INAV", "Indiflight") if name.lower() in told), "Betaflight")
     return Motors(
         throttle,
         speed,
@@ -277,8 +282,9 @@ def _told(of_imu: np.ndarray, turn: np.ndarray) -> np.ndarray:
     is learnt.
     """
     steps = attitude.rotation_vector(attitude.multiply(attitude.conjugate(of_imu[:-1]), of_imu[1:]))
-    unlearnt = np.all(turn[1:, 1:] == 0, axis=1)
-    jumps = np.flatnonzero(unlearnt & (np.linalg.norm(steps, axis=1) > FORGETS))
+    jumps = np.flatnonzero(
+        np.all(turn[1:, 1:] == 0, axis=1) & (np.linalg.norm(steps, axis=1) > FORGETS)
+    )
     return np.arange(len(of_imu)) > np.max(jumps, initial=-1)
 
 
@@ -401,11 +407,11 @@ def _settings(content: bytes, start: int, stop: int) -> tuple[dict[str, str], in
     while content.startswith(b"H ", start, stop):
         end = content.find(b"\n", start, min(start + LONGEST_LINE, stop))
         line = content[start + 2 : end]
-        if end < 0 or not line.isascii() or b":" not in line:
-            last = next(reversed(found), "none")
-            raise ValueError(
-                f"lines must be `H name:value`; that behind {last!r} is cut or damaged"
-            )
+        require(
+            end >= 0 and line.isascii() and b":" in line,
+            f"lines must be `H name:value`; that behind {next(reversed(found), 'none')!r} is cut "
+            "or damaged",
+        )
         name, _, value = line.decode("ascii").partition(":")
         found[name.strip()] = value.strip()
         start = end + 1
@@ -493,9 +499,12 @@ def _constant(predictor: int, name: str, settings: Mapping[str, str]) -> int:
 
 def _intervals(settings: Mapping[str, str]) -> np.ndarray:
     """Return the interval of I frames, numerator and denominator of that of P frames [loops]."""
-    interval = _numbers(settings.get("I interval", "1"))
     numerator, _, denominator = settings.get("P interval", "1").rpartition("/")
-    values = [*interval[:1], *_numbers(numerator or "1")[:1], *_numbers(denominator)[:1]]
+    values = [
+        number
+        for text in (settings.get("I interval", "1"), numerator or "1", denominator)
+        for number in _numbers(text)[:1]
+    ]
     require(
         len(values) == 3
         and all(least <= v <= MOST_LOOPS for v, least in zip(values, (1, 1, 0), strict=True)),
@@ -504,19 +513,12 @@ def _intervals(settings: Mapping[str, str]) -> np.ndarray:
     return np.array(values).astype(np.int64)
 
 
-def _content(path: Path) -> bytes:
-    try:
-        return decompressed(path)
-    except ValueError as error:
-        raise LogError(str(error)) from error
-
-
 def _contents(path: Path) -> Contents:
     """Return the fields of the frames; reads the headers only.
 
     Raises: LogError: if no header is whole.
     """
-    session = _largest(_sessions(path, _content(path))[0])
+    session = _largest(_sessions(path, whole_content(path))[0])
     revision = session.settings.get("Firmware revision", "")
     count = sum(bool(MOTOR.fullmatch(name)) for name in session.names)
     other = (
@@ -534,11 +536,10 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
 
     Raises: LogError: if no header is whole, or no log has a frame.
     """
-    content = _content(path)
+    content = whole_content(path)
     known, bad = _sessions(path, content)
     session = _largest(known)
-    columns = session.columns
-    alike = [s for s in known if s.columns == columns and s.scales == session.scales]
+    alike = [s for s in known if s.columns == session.columns and s.scales == session.scales]
     others = [str(s.number) for s in known if s not in alike]
     said = [f"{line}; left out" for line in bad]
     if len(alike) > 1:
@@ -561,8 +562,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             if latest < times.min(initial=np.inf) < np.inf and len(parts) > 1:
                 breaks.append((float(times.min()), "another log begins"))
             latest = max(latest, times.max(initial=-np.inf))
-        which = f"log {own.number}: " if len(known) > 1 else ""
-        notes += _odd(which, told, streams.get(BODY))
+        notes += _odd(f"log {own.number}: " if len(known) > 1 else "", told, streams.get(BODY))
     require(
         parts,
         f"{path}: must hold a whole I frame after its header; it has none. {REMEDY}.",
@@ -583,8 +583,9 @@ def _parameters(session: _Session) -> dict[str, float]:
     found: dict[str, float] = {}
     for name, text in session.settings.items():
         values = _numbers(text)
-        names = [name] if len(values) == 1 else indexed(name, len(values))
-        found |= zip(names, values, strict=True)
+        found |= zip(
+            [name] if len(values) == 1 else indexed(name, len(values)), values, strict=True
+        )
     match = REVISION.match(session.settings.get("Firmware revision", ""))
     if match:
         found[match[1].lower()] = int(match[2]) + int(match[3]) / 100
@@ -657,8 +658,9 @@ def _odd(which: str, told: np.ndarray, body: Stream | None) -> Iterator[str]:
 def _facts(session: _Session) -> dict[str, str]:
     """Return what the header says of vehicle, firmware and scales."""
     told = session.settings
-    facts = {title: told[name] for name, title in FACTS.items() if told.get(name)}
-    return {"clock": "time since the start of the firmware [s]"} | facts
+    return {"clock": "time since the start of the firmware [s]"} | {
+        title: told[name] for name, title in FACTS.items() if told.get(name)
+    }
 
 
 BLACKBOX = Format(

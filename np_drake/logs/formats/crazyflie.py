@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
-from np_drake.files.file_access import decompressed, decompressed_start
+from np_drake.files.file_access import decompressed_start
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import (
     Contents,
@@ -40,6 +40,7 @@ from np_drake.logs.formats.format import (
     Recording,
     Stream,
     first_source,
+    whole_content,
 )
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -81,7 +82,7 @@ def contents(path: Path) -> Contents:
 
     Raises: LogError: if the header is damaged.
     """
-    content = _content(path)
+    content = whole_content(path)
     if not content[1:].startswith(BLOCKS):
         return {name: variables for name, variables, _ in _header(path, content)[1].values()}
     names = [name for name, _ in _variables(path, content)[0][1:]]
@@ -93,18 +94,10 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
 
     Raises: LogError: if the header is damaged, or no record is whole.
     """
-    content = _content(path)
+    content = whole_content(path)
     progress(1.0)
     of_kind = _read_blocks if content[1:].startswith(BLOCKS) else _read_events
     return of_kind(path, content, wanted)
-
-
-def _content(path: Path) -> bytes:
-    """Return the bytes of a log, decompressed; LogError if they are damaged, or too many."""
-    try:
-        return decompressed(path)
-    except ValueError as error:
-        raise LogError(str(error)) from error
 
 
 def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) -> Recording:
@@ -275,8 +268,12 @@ def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     names = wanted.get(TABLE, ())
     q = _quaternions(rows[QUATERNION]) if QUATERNION in dict(variables) else {}
     columns = {name: q[name] if name in q else _floats(rows[name]) for name in names}
-    facts = {"log version": "0, in blocks", "clock": "time since the start of the firmware [s]"}
-    return Recording(str(path), {TABLE: Stream(t, columns)}, facts, notes)
+    return Recording(
+        str(path),
+        {TABLE: Stream(t, columns)},
+        {"log version": "0, in blocks", "clock": "time since the start of the firmware [s]"},
+        notes,
+    )
 
 
 def _variables(path: Path, content: bytes) -> tuple[list[tuple[str, str]], int]:

@@ -90,14 +90,17 @@ def motors(contents: Contents) -> Motors:
             f"no output drives a motor (SERVOn_FUNCTION 33 …), and output {other} has another "
             "function. Name columns as throttle in a map.",
         )
-    streams = ("RCOU", "RCO2", "RCO3")
     columns = [  # empty: the output is not logged
-        next((f"{s}/C{n}" for s in streams if f"C{n}" in contents.get(s, ())), "") for n in outputs
+        next((f"{s}/C{n}" for s in ("RCOU", "RCO2", "RCO3") if f"C{n}" in contents.get(s, ())), "")
+        for n in outputs
     ]
     missing = next((n for n, column in zip(outputs, columns, strict=True) if not column), 0)
-    stated = any(FUNCTION.fullmatch(name) for name in parameters)
     require(
-        not (missing and stated and any(c.startswith("RCOU") for c in contents)),
+        not (
+            missing
+            and any(FUNCTION.fullmatch(name) for name in parameters)
+            and any(c.startswith("RCOU") for c in contents)
+        ),
         f"output {missing} drives a motor (SERVO{missing}_FUNCTION), and its column is not in "
         "RCOU. Log it, or name columns as throttle in a map.",
     )
@@ -108,8 +111,9 @@ def motors(contents: Contents) -> Motors:
         f"them in a map.",
     )
     low, high = (parameters.get(f"MOT_PWM_{end}", 0.0) for end in ("MIN", "MAX"))
-    ends = [low, high] if 0 < low < high else []
-    throttle = Source() if missing else Source(columns, "us", ends=ends)
+    throttle = (
+        Source() if missing else Source(columns, "us", ends=[low, high] if 0 < low < high else [])
+    )
     if count != 4:
         return Motors(throttle, notes=of_collective(count, kind))
     moved = f"motors are on the outputs {', '.join(map(str, outputs))} (SERVOn_FUNCTION)"
@@ -154,11 +158,13 @@ def _layout(parameters: Mapping[str, float]) -> RotorLayout | None:
     if kind is None or int(parameters.get("FRAME_CLASS", 0)) != 1:
         return None
     name, angles, directions = kind
-    positions = tuple(
-        (float(np.round(np.cos(a), 6)), float(np.round(-np.sin(a), 6))) for a in np.radians(angles)
-    )
     return RotorLayout(
-        positions, directions, f"FRAME_CLASS 1, FRAME_TYPE {int(parameters['FRAME_TYPE'])}: {name}"
+        tuple(
+            (float(np.round(np.cos(a), 6)), float(np.round(-np.sin(a), 6)))
+            for a in np.radians(angles)
+        ),
+        directions,
+        f"FRAME_CLASS 1, FRAME_TYPE {int(parameters['FRAME_TYPE'])}: {name}",
     )
 
 
@@ -288,8 +294,11 @@ class _Log:
 
     def __init__(self, path: Path, progress: Progress) -> None:
         """Find all messages; LogError if there is none, or without the library."""
-        needs = "ArduPilot logs need pymavlink; pip install 'np_drake[node]', or convert to CSV."
-        library = optional_package("pymavlink.DFReader", path, needs).DFReader
+        library = optional_package(
+            "pymavlink.DFReader",
+            path,
+            "ArduPilot logs need pymavlink; pip install 'np_drake[node]', or convert to CSV.",
+        ).DFReader
         self.path = path
         self.messages: dict[str, _Message] = {}
         try:
@@ -352,8 +361,9 @@ def _contents(path: Path) -> Contents:
     for message in log.messages.values():
         if len(message.starts) and message.time and message.numbers:
             instances = message.instances()
-            names = [f"{message.name}.{i}" for i in instances] or [message.name]
-            found |= dict.fromkeys(names, message.numbers)
+            found |= dict.fromkeys(
+                [f"{message.name}.{i}" for i in instances] or [message.name], message.numbers
+            )
             if len(instances) > 1 and len(_lanes(log, message.name)[0]):
                 found[f"{message.name}.{PRIMARY}"] = message.numbers
     parameters = _parameters(log)
@@ -414,8 +424,9 @@ def _stream(log: _Log, name: str, columns: list[str]) -> Stream:
         raise LogError(
             f"{log.path}, {name}: must hold the columns {', '.join(columns)}; mend the map."
         )
-    names = [message.time, *columns] + ([message.instance] if message.instance else [])
-    values = message.values(names)
+    values = message.values(
+        [message.time, *columns] + ([message.instance] if message.instance else [])
+    )
     if message.instance and name.endswith(PRIMARY):
         since, lane = _lanes(log, message.name)
         at = np.searchsorted(since, values[:, 0] * TIMES[message.time], side="right") - 1
@@ -463,8 +474,11 @@ def _facts(log: _Log) -> dict[str, str]:
 
 def _parameters(log: _Log) -> dict[str, float]:
     """Return the parameters that bear on motors and thrust, as they are at the end."""
-    rows = log.texts("PARM", "Name", "Value")
-    values = {name: _number(value) for name, value in rows if PARAMETERS.fullmatch(name)}
+    values = {
+        name: _number(value)
+        for name, value in log.texts("PARM", "Name", "Value")
+        if PARAMETERS.fullmatch(name)
+    }
     return {name: value for name, value in values.items() if np.isfinite(value)}
 
 
@@ -511,9 +525,8 @@ def default_map(contents: Contents) -> LogMap | None:
 
 
 def _attitude(contents: Contents) -> Source:
-    quaternion = ("Q1", "Q2", "Q3", "Q4")
     for names in (("XKQ", "XKQ1", "NKQ", "NKQ1"), ("ATT",), ("AHR2",)):
-        if columns := _first(contents, names, quaternion):
+        if columns := _first(contents, names, ("Q1", "Q2", "Q3", "Q4")):
             return Source(columns, order="wxyz", direction="body_to_world")
         if columns := _first(contents, names, ("Roll", "Pitch", "Yaw")):
             return Source(columns, "deg")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.file_access import require_plain_file
+from np_drake.files.file_access import decompressed, require_plain_file
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.vehicle.rotor_layout import RotorLayout
@@ -246,3 +246,11 @@ def first_bytes(path: Path) -> bytes:
     require_plain_file(path)
     with path.open("rb") as file:
         return file.read(FIRST)
+
+
+def whole_content(path: Path) -> bytes:
+    """Return the bytes of a log, decompressed; LogError if they are damaged, or too many."""
+    try:
+        return decompressed(path)
+    except ValueError as error:
+        raise LogError(str(error)) from error

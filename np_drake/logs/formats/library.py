@@ -47,8 +47,7 @@ def format_of(path: str | Path, name: str = "") -> Format:
     """
     path = Path(path)
     start = first_bytes(path)
-    zeros = bytes(max(len(start), 1))
-    for beginning, what in (KNOWN | {zeros: ZEROS}).items():
+    for beginning, what in (KNOWN | {bytes(max(len(start), 1)): ZEROS}).items():
         require(
             not start.startswith(beginning),
             f"{path}: must hold a flight log; it is {what}.",

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.logs import columns
 from np_drake.logs.columns import bridge_gaps, check_table, split_at_gaps
@@ -106,10 +107,11 @@ def write_log(log: FlightLog, path: str | Path) -> None:
     fails.
     """
     for kind, source in (("rotor_speed", log.rotor), ("normalised", log.throttle)):
-        if log.input == kind and source is None:
-            raise LogError(
-                f"{path}: a log with input {kind} must have {WORDS[kind]} to be written."
-            )
+        require(
+            log.input != kind or source is not None,
+            f"{path}: a log with input {kind} must have {WORDS[kind]} to be written.",
+            LogError,
+        )
     write = parquet_file.write_parquet if suffix(path) == ".parquet" else write_csv
     write(path, columns.disassemble(log))
 

@@ -124,8 +124,12 @@ def _renamed(table: Table) -> Table:
         if source not in table.columns:
             raise table.error("is missing; a NeuroBEM file has 29 columns.", column=source)
     columns = {name: table.columns[source] for source, name in names.items()}
-    unreadable = [(row, names.get(column, column), text) for row, column, text in table.unreadable]
-    return Table(table.path, columns, unreadable, table.ragged)
+    return Table(
+        table.path,
+        columns,
+        [(row, names.get(column, column), text) for row, column, text in table.unreadable],
+        table.ragged,
+    )
 
 
 # What NumPy's reader raises on a damaged header, which is Python text, or on one that announces too

@@ -98,13 +98,15 @@ def _in_file_order(storage: Any, wanted: list[Any]) -> Iterator[tuple[Any, Any, 
     by_id = {connection.id: connection for connection in wanted}
     if hasattr(storage, "dbconn"):
         numbers = ",".join(map(str, by_id))
-        query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({numbers})"
-        for number, time, raw in storage.dbconn.execute(query):
+        for number, time, raw in storage.dbconn.execute(
+            f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({numbers})"
+        ):
             yield by_id[number], time, raw
     elif hasattr(storage, "messages_scan"):
         chunks = [chunk for chunk in storage.chunks if by_id.keys() & chunk.channel_count.keys()]
-        start = min((chunk.message_start_time for chunk in chunks), default=None)
-        yield from storage.messages_scan(wanted, start)
+        yield from storage.messages_scan(
+            wanted, min((chunk.message_start_time for chunk in chunks), default=None)
+        )
     else:
         for topic in dict.fromkeys(connection.topic for connection in wanted):
             yield from storage.messages([c for c in wanted if c.topic == topic])
@@ -449,8 +451,9 @@ def _default_map(contents: Contents) -> LogMap | None:
     if not odometry and not (pose and imu):
         return None
     wrench = _topic(contents, WRENCH)
-    commanded = [] if wrench else [["/mavros/setpoint_raw/target_attitude/thrust"]]
-    throttle = first_source(contents, commanded)
+    throttle = first_source(
+        contents, [] if wrench else [["/mavros/setpoint_raw/target_attitude/thrust"]]
+    )
     prefix = f"{odometry}/pose.pose" if odometry else f"{pose}/pose"
     rates = f"{odometry}/twist.twist.angular" if odometry else f"{imu}/angular_velocity"
     return LogMap(

@@ -122,8 +122,13 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     length = len(next(iter(columns.values()), ()))
     t = columns[time] * UNITS["time"][TIMES[time]] if time else np.full(length, np.nan)
     clock = f"column {time} [{TIMES[time]}]" if time else "none of the known names"
-    streams = {STREAM: Stream(t, {name: columns[name] for name in names})}
-    return Recording(str(path), streams, {"clock": clock}, tuple(notes), units=units)
+    return Recording(
+        str(path),
+        {STREAM: Stream(t, {name: columns[name] for name in names})},
+        {"clock": clock},
+        tuple(notes),
+        units=units,
+    )
 
 
 def is_parquet(path: Path) -> bool:
@@ -137,8 +142,9 @@ NEURAL_FLY_HEADER = ("t", "p", "v", "q", "R", "w", "T_sp", "q_sp", "hover_thrott
 
 def _is_neural_fly(path: Path, start: bytes) -> bool:
     """Return whether the header has the columns of the data set."""
-    names = split_header(first_lines(start)[0])
-    return recognises(path, start) and set(NEURAL_FLY_HEADER) <= set(names)
+    return recognises(path, start) and set(NEURAL_FLY_HEADER) <= set(
+        split_header(first_lines(start)[0])
+    )
 
 
 def _neural_fly_map(contents: Contents) -> LogMap | None:

@@ -135,8 +135,11 @@ def _frame(data: bytes, at: int) -> tuple[tuple[int, int], int, int]:
 
 def _begins(start: bytes) -> bool:
     """Return whether bytes begin with a time of receipt and a message."""
-    in_time = SINCE < int.from_bytes(start[:STAMP], "big") < UNTIL
-    return in_time and len(start) > STAMP and start[STAMP] in HEADS
+    return (
+        SINCE < int.from_bytes(start[:STAMP], "big") < UNTIL
+        and len(start) > STAMP
+        and start[STAMP] in HEADS
+    )
 
 
 def _value(message: Any, column: str) -> float:
@@ -201,8 +204,7 @@ class _Clock:
     def __init__(self, stamps: np.ndarray, own: np.ndarray) -> None:
         again = np.flatnonzero(np.diff(own) < -RESTART) + 1
         self._since = stamps[again]
-        parts = np.split(stamps - own, again)
-        self._leads = np.array([np.median(part) for part in parts])
+        self._leads = np.array([np.median(part) for part in np.split(stamps - own, again)])
         self.breaks = self.of(self._since, np.full(len(again), np.nan))
 
     def of(self, stamps: np.ndarray, own: np.ndarray) -> np.ndarray:
@@ -217,8 +219,9 @@ class _Clock:
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     log = _Log(path)
-    most = max(STATE, key=lambda number: len(log.places.get(number, ())))
-    stamps, own = log.rows(most, ["time_boot_ms"])
+    stamps, own = log.rows(
+        max(STATE, key=lambda number: len(log.places.get(number, ()))), ["time_boot_ms"]
+    )
     require(len(stamps), f"{path}: must hold whole messages; it has none. Copy it again.", LogError)
     clock = _Clock(stamps, own[:, 0] * CLOCKS["time_boot_ms"])
     streams = {}
@@ -232,8 +235,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             chosen = rows[:, -1] == float(instance)
             stamps, rows = stamps[chosen], rows[chosen]
         since = rows[:, len(columns)] * CLOCKS[timed[0]] if timed else np.full(len(stamps), np.nan)
-        values = dict(zip(columns, rows.T, strict=False))
-        streams[name] = Stream(clock.of(stamps, since), values)
+        streams[name] = Stream(clock.of(stamps, since), dict(zip(columns, rows.T, strict=False)))
         progress(i / len(wanted))
     facts = {"clock": "time since the vehicle's boot [s]"}
     maker = AUTOPILOTS.get(int(_parameters(log)["MAV_AUTOPILOT"]))
@@ -285,8 +287,10 @@ def default_map(contents: Contents) -> LogMap | None:
     first = partial(first_source, contents)
     quaternion, angles = [f"ATTITUDE_QUATERNION/q{i}" for i in "1234"], ("roll", "pitch", "yaw")
     speeds = [[f"{m}/{a}speed" for a in angles] for m in ("ATTITUDE_QUATERNION", "ATTITUDE")]
-    sensors = ("HIGHRES_IMU.0", "HIGHRES_IMU")
-    gyro, force = ([[f"{m}/{a}{kind}" for a in "xyz"] for m in sensors] for kind in ("gyro", "acc"))
+    gyro, force = (
+        [[f"{m}/{a}{kind}" for a in "xyz"] for m in ("HIGHRES_IMU.0", "HIGHRES_IMU")]
+        for kind in ("gyro", "acc")
+    )
     local, world = "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT"
     driven = motors(contents)
     found = LogMap(

@@ -158,8 +158,9 @@ def read_lines(
         try:
             binary: Any = gzip.GzipFile(fileobj=raw) if str(path).lower().endswith(".gz") else raw
             with io.TextIOWrapper(binary, encoding=encoding, errors=errors) as text:
-                whole = iter(functools.partial(text.readline, MAX_LINE + 1), "")
-                for number, line in enumerate(whole, start=1):
+                for number, line in enumerate(
+                    iter(functools.partial(text.readline, MAX_LINE + 1), ""), start=1
+                ):
                     left -= len(line)
                     if len(line) > MAX_LINE:
                         raise LogError(
@@ -217,8 +218,7 @@ def find_delimiter(header: str) -> str:
     """Return the delimiter that stands most often outside quotes; of several the first of
     `DELIMITERS`.
     """
-    bare = "".join(header.split('"')[::2])
-    return max(DELIMITERS, key=bare.count)
+    return max(DELIMITERS, key="".join(header.split('"')[::2]).count)
 
 
 def split_header(header: str, delimiter: str = "") -> list[str]:
@@ -226,8 +226,9 @@ def split_header(header: str, delimiter: str = "") -> list[str]:
     is cut there.
     """
     try:
-        rows = csv.reader([header.rstrip("\r\n")], delimiter=delimiter or find_delimiter(header))
-        names = next(rows, None) or [""]
+        names = next(
+            csv.reader([header.rstrip("\r\n")], delimiter=delimiter or find_delimiter(header)), None
+        ) or [""]
     except csv.Error:
         return [header.strip()]
     names = [" ".join(name.split()) for name in names]
@@ -295,12 +296,15 @@ def read_layout(path: Path) -> Layout:
         delimiter = told[1] if told else find_delimiter(header)
         names = split_header(header, delimiter)
         check_header(path, [name or f"column {i + 1}" for i, name in enumerate(names)])
-        found = itertools.islice(_rows(path, lines, delimiter, head), ROWS_LOOKED_AT)
-        rows = [cells for _, cells in found]
+        rows = [
+            cells
+            for _, cells in itertools.islice(_rows(path, lines, delimiter, head), ROWS_LOOKED_AT)
+        ]
     units = None
     if len(rows) > 1 and is_units_row(*rows[:2]):
-        stated = zip(names, map(as_unit, rows.pop(0)), strict=False)
-        units = {name: unit for name, unit in stated if unit}
+        units = {
+            name: unit for name, unit in zip(names, map(as_unit, rows.pop(0)), strict=False) if unit
+        }
     first = [*(rows[0] if rows else ()), *[""] * len(names)]
     cells = [
         Cell(name, i, None if (items := list_items(text)) is None else len(items))
@@ -357,8 +361,7 @@ def read_cells(
     most = cell_budget(path) // max(len(names), 1)
     faults: list[Fault] = []
     done = 0
-    source = read_lines(path, progress, layout.errors, layout.encoding)
-    with contextlib.closing(source) as lines:
+    with contextlib.closing(read_lines(path, progress, layout.errors, layout.encoding)) as lines:
         below = itertools.islice(lines, layout.head, None)
         rows = _rows(path, below, layout.delimiter, layout.head, blank=blank)
         if layout.units is not None:
@@ -448,8 +451,12 @@ def read_columns(
 
 def _refused(path: Path, fault: Fault, width: int) -> LogError:
     """Return what is wrong with a row or cell, its place, and the remedy."""
-    column = fault.cell.name if fault.cell else None
-    where = place(path, column=column, row=fault.row, header_lines=fault.line - fault.row - 1)
+    where = place(
+        path,
+        column=fault.cell.name if fault.cell else None,
+        row=fault.row,
+        header_lines=fault.line - fault.row - 1,
+    )
     if fault.cell is None:
         return LogError(
             f"{where}: must have {width} cells as the header does; got {fault.count}. Export it "
@@ -487,8 +494,9 @@ def read_csv(path: str | Path) -> Table:
     names = [name.strip() for name in header.split(",")]
     check_header(path, names)
     cells = tuple(Cell(name, i) for i, name in enumerate(names))
-    layout = Layout(",", len(cells), cells, errors="strict")
-    columns, faults = read_cells(path, layout, cells, blank=True)
+    columns, faults = read_cells(
+        path, Layout(",", len(cells), cells, errors="strict"), cells, blank=True
+    )
     bad = [(f.row, f.cell.name, f.text.strip()) for f in faults if f.cell]
     return Table(str(path), columns, bad, [f.row for f in faults if f.cell is None])
 
@@ -503,8 +511,9 @@ def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
         # No name and no time in a gzip header, so that equal logs are equal files.
         packed = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if str(path).endswith(".gz") else raw
         with packed as stream:
-            table = pandas.DataFrame(columns, dtype=float)
-            table.to_csv(stream, index=False, lineterminator="\n", mode="wb")
+            pandas.DataFrame(columns, dtype=float).to_csv(
+                stream, index=False, lineterminator="\n", mode="wb"
+            )
 
 
 def list_items(text: str) -> list[str] | None:

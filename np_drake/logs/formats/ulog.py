@@ -352,8 +352,9 @@ def _parse(path: Path, names: Sequence[str] | None, progress: Progress) -> tuple
 
     Raises: LogError: if it is no ULog file, or pyulog is not installed.
     """
-    needs = "ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV."
-    pyulog = optional_package("pyulog", path, needs)
+    pyulog = optional_package(
+        "pyulog", path, "ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV."
+    )
     left = MOST_FIELDS
 
     class Added(pyulog.ULog._MessageAddLogged):  # type: ignore[misc,name-defined]
@@ -402,8 +403,7 @@ def _field_counts(formats: Mapping[str, Any]) -> dict[str, int]:
 
     def count(name: str) -> int:
         if name not in counts and name in formats:
-            fields = formats[name].fields
-            counts[name] = sum(max(size, 1) * count(kind) for kind, size, _ in fields)
+            counts[name] = sum(max(size, 1) * count(kind) for kind, size, _ in formats[name].fields)
             require(
                 counts[name] <= LARGEST_MESSAGE,
                 f"the message {name[:40]!r} is larger than a message can be",
@@ -439,8 +439,11 @@ def _contents(path: Path) -> Contents:
             t = data.data["timestamp"]
             span = float(t.max() - t.min())
             rates[name] = (len(t) - 1) * 1e6 / span if span else 0.0
-            functions = [c for c in columns if c.endswith(".actuator_function")]
-            values |= {f"{name}/{c}": float(data.data[c][-1]) for c in functions}
+            values |= {
+                f"{name}/{c}": float(data.data[c][-1])
+                for c in columns
+                if c.endswith(".actuator_function")
+            }
             moves = {
                 c: np.count_nonzero(np.diff(data.data[c][np.isfinite(data.data[c])]))
                 for c in columns
@@ -450,11 +453,15 @@ def _contents(path: Path) -> Contents:
                 values[f"{name}/{MOVES}"] = float(max(moves.values()))
             least = STILL * max(moves.values(), default=0)
             columns = [c for c in columns if moves.get(c, np.inf) > least]
-            outputs = [data.data[c].astype(float) for c in columns if c in moves]
-            values[f"{name}/{LIFTS}"] = _lift(log, t, outputs)
+            values[f"{name}/{LIFTS}"] = _lift(
+                log, t, [data.data[c].astype(float) for c in columns if c in moves]
+            )
         found.setdefault(name, tuple(columns))
-    numbers = log.initial_parameters.items()
-    parameters = {n: float(v) for n, v in numbers if isinstance(v, int | float) and np.isfinite(v)}
+    parameters = {
+        n: float(v)
+        for n, v in log.initial_parameters.items()
+        if isinstance(v, int | float) and np.isfinite(v)
+    }
     return Scanned(found, parameters, rates, values, other=other_vehicle(parameters), cut=cut)
 
 
@@ -484,8 +491,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     Raises: LogError: if it is no ULog file, a field is not there, or pyulog is not installed.
     """
     told = {name.split("/")[0] for name in STATUS} | {COUNTERS}
-    names = {name.split(".")[0] for name in wanted}
-    log, cut = _parse(Path(path), sorted(names | told), progress)
+    log, cut = _parse(Path(path), sorted({name.split(".")[0] for name in wanted} | told), progress)
     streams: dict[str, Stream] = {}
     delays: dict[str, float] = {}
     notes: list[str] = []
@@ -564,8 +570,11 @@ def _shaken(log: Any) -> tuple[tuple[int, ...], list[str], list[str]]:
             most = len(values[FLAGS])
         elif data.name == COUNTERS:
             counts = np.array([np.ptp(values.get(c, 0)) for c in indexed("accel_clipping", 3)])
-            level = float(np.median(values.get("accel_vibration_metric", 0)))
-            said += shaking(level, MOST_VIBRATION, "accel_vibration_metric")
+            said += shaking(
+                float(np.median(values.get("accel_vibration_metric", 0))),
+                MOST_VIBRATION,
+                "accel_vibration_metric",
+            )
         if np.any(counts):
             notes.append(f"{data.name}: {counts.sum():.0f} samples of the accelerometer clip.")
         shares = np.maximum(shares, counts / max(most, 1.0))
@@ -663,15 +672,6 @@ def _is_used(name: str, parameters: Mapping[str, Any]) -> bool:
     return rotor is None or not isinstance(count, int) or int(rotor[1]) < count
 
 
-_RATES = (
-    indexed("vehicle_angular_velocity/xyz", 3),
-    indexed("sensor_combined/gyro_rad", 3),
-    [f"vehicle_attitude/{axis}speed" for axis in ("roll", "pitch", "yaw")],
-    indexed("vehicle_odometry/angular_velocity", 3),
-)
-_FORCES = (indexed("sensor_combined/accelerometer_m_s2", 3), indexed("vehicle_acceleration/xyz", 3))
-
-
 def _default_map(contents: Contents) -> LogMap | None:
     """Return the map of PX4's own messages (NED, FRD); None without position and attitude.
 
@@ -701,9 +701,26 @@ def _default_map(contents: Contents) -> LogMap | None:
             order="wxyz",
             direction="body_to_world",
         ),
-        rates=first_source(contents, _RATES, unit="rad/s", axes="body"),
+        rates=first_source(
+            contents,
+            (
+                indexed("vehicle_angular_velocity/xyz", 3),
+                indexed("sensor_combined/gyro_rad", 3),
+                [f"vehicle_attitude/{axis}speed" for axis in ("roll", "pitch", "yaw")],
+                indexed("vehicle_odometry/angular_velocity", 3),
+            ),
+            unit="rad/s",
+            axes="body",
+        ),
         acceleration=first_source(
-            contents, _FORCES, unit="m/s2", axes="body", kind="specific_force"
+            contents,
+            (
+                indexed("sensor_combined/accelerometer_m_s2", 3),
+                indexed("vehicle_acceleration/xyz", 3),
+            ),
+            unit="m/s2",
+            axes="body",
+            kind="specific_force",
         ),
         rotor_speed=motors(contents).rotor_speed,
         throttle=fast.throttle

@@ -63,15 +63,17 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     out = {"attitude": q.turned(rates, t), "rates": rates.averaged(t, width)}
     out["velocity"] = v.linear(t)
     if a is not None:
-        wide = v.within_wide(a, v.before(t))
-        out["velocity"] = np.where(wide, v.integrated(a, t), out["velocity"])
+        out["velocity"] = np.where(
+            v.within_wide(a, v.before(t)), v.integrated(a, t), out["velocity"]
+        )
     # Between samples a cubic that has their velocities.
     between = scipy.interpolate.CubicHermiteSpline(p.t, p.values, v.linear(p.t))
     out["position"] = p.values if np.array_equal(p.t, t) else between(np.clip(t, p.t[0], p.t[-1]))
     if inertial:
         gap = (np.diff(p.t) > GAP * p.step)[p.before(t)][:, None]
-        moved = p.integrated(Signal(t, out["velocity"]), t)
-        out["position"] = np.where(gap, moved, out["position"])
+        out["position"] = np.where(
+            gap, p.integrated(Signal(t, out["velocity"]), t), out["position"]
+        )
     if a is not None and np.array_equal(a.t, t):
         out["acceleration"] = a.values
     elif a is not None:
@@ -158,8 +160,7 @@ def common_rows(signals: Signals, rate: float) -> tuple[np.ndarray, dict[str, np
     out = {}
     for name, own in signals.items():
         after = np.clip(np.searchsorted(own.t, t), 1, len(own.t) - 1)
-        nearest = np.where(t - own.t[after - 1] < own.t[after] - t, after - 1, after)
-        out[name] = own.values[nearest]
+        out[name] = own.values[np.where(t - own.t[after - 1] < own.t[after] - t, after - 1, after)]
     return t, out
 
 
@@ -195,8 +196,7 @@ def _averaged_after(own: Signal, at: np.ndarray, width: float) -> np.ndarray:
     """Return the mean of a signal over `width` [s] after each of `at` (m,); linear where samples
     are no denser.
     """
-    dense = width >= FASTER * own.step
-    return own.averaged(at + 0.5 * width * dense, width)
+    return own.averaged(at + 0.5 * width * (width >= FASTER * own.step), width)
 
 
 def _rates(signals: Signals, log_map: LogMap, q: Signal, notes: list[str]) -> Signal:

@@ -95,8 +95,11 @@ def without_frozen_poses(
             kept[inside] = name != "attitude" and np.mean(repeats) <= 0.5
         out[name] = dc.replace(own, t=own.t[kept], values=own.values[kept])
     seconds = sum(min(span.after, t[-1]) - span.before for span in spans)
-    how = f"{gone.sum()} rows, {seconds:.3g} s in {len(spans)} stretches, left out"
-    return out, spans, [f"{FROZEN}: {how}"]
+    return (
+        out,
+        spans,
+        [f"{FROZEN}: {gone.sum()} rows, {seconds:.3g} s in {len(spans)} stretches, left out"],
+    )
 
 
 def find_breaks(
@@ -136,8 +139,12 @@ def find_breaks(
         seen += _jumps(signals[name].t, np.diff(signals[name].values, axis=0) * unit, name, asked)
     if "attitude" in signals:
         q = convert_quantity("attitude", signals["attitude"].values, log_map)
-        turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
-        seen += _jumps(signals["attitude"].t, turned, "attitude", asked)
+        seen += _jumps(
+            signals["attitude"].t,
+            attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:])),
+            "attitude",
+            asked,
+        )
     apart = (b for b in seen if not any(b.before < s.after > s.before < b.after for s in bridged))
     return _joined([*found, *apart])
 
@@ -152,8 +159,9 @@ def split(
         origin: from which times of the lines count [s].
     """
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
-    spans = zip(edges[::2], edges[1::2], strict=True)
-    found = [within(signals, start, stop) for start, stop in spans]
+    found = [
+        within(signals, start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True)
+    ]
     kept = [not lacking for _, lacking in found]
     said = []
     for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
@@ -161,8 +169,10 @@ def split(
         what = "split there" if before and after else f"what comes {side} it is left out"
         said.append(f"{b.reason} at {b.before - origin:.2f} s: {what}")
     if len(said) > MOST_SAID:
-        last = f"the last at {breaks[-1].before - origin:.2f} s"
-        said[MOST_SAID:] = [f"{len(said) - MOST_SAID} more such breaks, {last}"]
+        said[MOST_SAID:] = [
+            f"{len(said) - MOST_SAID} more such breaks, the last at "
+            f"{breaks[-1].before - origin:.2f} s"
+        ]
     return [part for part, lacking in found if not lacking], said
 
 
@@ -275,16 +285,14 @@ def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
         t, interval = stream.t, np.diff(stream.t)
         mean = np.convolve(interval, np.ones(DENSE) / DENSE, mode="same")
         usual = float(np.percentile(mean, SPARSE))
-        merged = (mean < CLOSER * usual) & np.all(interval >= 0)
-        for start, stop in stretches(merged):
+        for start, stop in stretches((mean < CLOSER * usual) & np.all(interval >= 0)):
             if not DENSE <= stop - start < MOST_MERGED * len(interval):
                 continue
             close = np.arange(max(start - DENSE, 0), min(stop + DENSE, len(interval)))
             close = close[interval[close] < CLOSER * usual]
-            inside = [column[close[0] : close[-1] + 2] for column in stream.columns.values()]
             two_over_one = [
                 np.abs(x[2:] - x[:-2]).sum() / np.abs(np.diff(x)).sum()
-                for x in inside
+                for x in _rows(stream, slice(close[0], close[-1] + 2)).columns.values()
                 if np.ptp(x) > 0
             ]
             if two_over_one and np.median(two_over_one) < ALTERNATE:

@@ -95,8 +95,7 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
         t: (n,) evenly spaced times [s].
         raw: columns (n, k) of the log at these times, by quantity.
     """
-    x = convert(raw, log_map)
-    own = misfits(t, x)
+    own = misfits(t, convert(raw, log_map))
     failed = tuple(failing(own))
     turned = turned_attitude(t, raw, log_map, Verdict(own, failed))
     if not failed:
@@ -118,8 +117,9 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
                 continue
             if len(t[part]) < len(t):
                 now = misfits(t, convert(raw, changed(log_map, change)), everything=True)
-            tested = {law.split()[0] for law in now}
-            if laws <= tested and all(misfit < AGREES for misfit in now.values()):
+            if laws <= {law.split()[0] for law in now} and all(
+                misfit < AGREES for misfit in now.values()
+            ):
                 found.append((sum(m**2 for m in now.values()), change))
         if found:
             changes = [change for _, change in sorted(found, key=lambda pair: pair[0])]
@@ -220,8 +220,10 @@ def liveliest(raw: Values, rows: int) -> slice:
     if rows <= SEARCHED:
         return slice(0, rows)
     value = raw["attitude" if "attitude" in raw else "position"]
-    starts = [*range(0, rows - SEARCHED, SEARCHED // 2), rows - SEARCHED]
-    first = max(starts, key=lambda k: float(np.sum(np.var(value[k : k + SEARCHED], axis=0))))
+    first = max(
+        [*range(0, rows - SEARCHED, SEARCHED // 2), rows - SEARCHED],
+        key=lambda k: float(np.sum(np.var(value[k : k + SEARCHED], axis=0))),
+    )
     return slice(first, first + SEARCHED)
 
 
@@ -275,14 +277,15 @@ def _explained(change: Change, log_map: LogMap) -> str:
     body, text = dict(change).get("attitude.body"), as_text(change)
     if body is None:
         return text
-    own = axes_of_word(log_map.frames(log_map.attitude)[1])
-    rotation = scipy.spatial.transform.Rotation.from_matrix(own.T @ axes_of_word(body))
-    turn = rotation.as_rotvec(degrees=True)
+    turn = scipy.spatial.transform.Rotation.from_matrix(
+        axes_of_word(log_map.frames(log_map.attitude)[1]).T @ axes_of_word(body)
+    ).as_rotvec(degrees=True)
     signed = zip("xyz", np.sign(turn.round()), strict=True)
     axes = [f"-{axis}" if sign < 0 else axis for axis, sign in signed if sign]
     about = axes[0] if len(axes) == 1 else f"the diagonal of {', '.join(axes)}"
-    angle = np.linalg.norm(turn)
-    return f"{text} (the attitude's axes are turned by {angle:.0f} deg about {about})"
+    return (
+        f"{text} (the attitude's axes are turned by {np.linalg.norm(turn):.0f} deg about {about})"
+    )
 
 
 def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
@@ -369,8 +372,7 @@ def fitting_stretch(
     t, raw = _checked_rows(signals)
     x = convert(raw, log_map)
     rows = round(SPAN * CHECK_RATE)
-    step = max(round(EVERY * CHECK_RATE), len(t) // MOST_TESTS)
-    starts = range(0, len(t) - rows + 1, step)
+    starts = range(0, len(t) - rows + 1, max(round(EVERY * CHECK_RATE), len(t) // MOST_TESTS))
     laws = {law for law in verdict.failed or verdict.misfits if not law.startswith("lift")}
     most = FAILS if verdict.failed else ENDS_BADLY
 

@@ -128,9 +128,10 @@ def in_the_likely_unit(
     found: dict[str, Parts] = {}
     failure: LogError | None = None
     for unit in _in_range(np.concatenate([signals["throttle"].values for signals in parts])):
-        throttle = dc.replace(log_map.throttle, unit=unit)
         try:
-            found[unit] = imported(parts, dc.replace(log_map, throttle=throttle))
+            found[unit] = imported(
+                parts, dc.replace(log_map, throttle=dc.replace(log_map.throttle, unit=unit))
+            )
         except LogError as error:
             failure = failure or error
     flown = {
@@ -142,8 +143,11 @@ def in_the_likely_unit(
         raise failure
     if not flown:
         return next(iter(found.values()))
-    alone = next(iter(flown)), "read otherwise they carry nothing"
-    unit, why = _by_the_lift(flown) if len(flown) > 1 else alone
+    unit, why = (
+        _by_the_lift(flown)
+        if len(flown) > 1
+        else (next(iter(flown)), "read otherwise they carry nothing")
+    )
     require(
         unit,
         f"{path}, throttle ({log_map.throttle.columns[0]} …): must be "
@@ -379,8 +383,14 @@ def import_log(
 
 def _rotor_names(log_map: LogMap, stated: tuple[str, ...]) -> tuple[str, ...]:
     """Return what a log calls its four rotors, else their columns; empty: it has none for each."""
-    sources = (log_map.rotor_speed, log_map.throttle)
-    columns = next((source.columns for source in sources if len(source.columns) == 4), [])
+    columns = next(
+        (
+            source.columns
+            for source in (log_map.rotor_speed, log_map.throttle)
+            if len(source.columns) == 4
+        ),
+        [],
+    )
     return (stated if columns else ()) or tuple(f"column {name}" for name in columns)
 
 
@@ -485,8 +495,9 @@ def _signals_of_parts(
     )
     require(not short, f"{path}: start and stop must leave samples; {short} in them.", LogError)
     signals, frozen, still = without_frozen_poses(signals, log_map)
-    breaks = find_breaks(signals, log_map, [*recording.breaks, *ends], merged, frozen)
-    parts, broken = split(signals, breaks, origin)
+    parts, broken = split(
+        signals, find_breaks(signals, log_map, [*recording.breaks, *ends], merged, frozen), origin
+    )
     require(
         parts,
         f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal.",

@@ -162,8 +162,9 @@ def _attitude(over: Windows, everything: bool, q: np.ndarray, w: np.ndarray) -> 
 
 def _velocity(over: Windows, everything: bool, v: np.ndarray, a: np.ndarray) -> Misfits:
     dv, sum_ = over.change(v), over.integral(a)
-    gravity = float(np.linalg.norm(np.mean(sum_ - dv, axis=0)) / over.spans[0] / GRAVITY)
-    return _compared("velocity", dv, sum_, everything) | {"gravity": gravity}
+    return _compared("velocity", dv, sum_, everything) | {
+        "gravity": float(np.linalg.norm(np.mean(sum_ - dv, axis=0)) / over.spans[0] / GRAVITY)
+    }
 
 
 def _weight(over: Windows, everything: bool, a: np.ndarray) -> Misfits:

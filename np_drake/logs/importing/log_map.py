@@ -29,8 +29,11 @@ def axes_of_word(word: str) -> np.ndarray:
 
 def _frames(usual: tuple[str, ...], letters: str) -> tuple[str, ...]:
     """Return the words of the 24 right-handed frames, the usual first."""
-    words = map("".join, itertools.permutations(letters, 3))
-    right = (word for word in words if np.linalg.det(axes_of_word(word)) > 0)
+    right = (
+        word
+        for word in map("".join, itertools.permutations(letters, 3))
+        if np.linalg.det(axes_of_word(word)) > 0
+    )
     return tuple(dict.fromkeys((*usual, *right)))
 
 
@@ -188,8 +191,10 @@ class LogMap:
 
     def names(self) -> list[str]:
         """Return the names of all columns that are used, the time among them."""
-        names = [column for _, source in self.sources() for column in source.columns]
-        return [*self.time.columns, *names]
+        return [
+            *self.time.columns,
+            *[column for _, source in self.sources() for column in source.columns],
+        ]
 
     def check(self) -> "LogMap":
         """Return self after checking all fields.
@@ -249,8 +254,10 @@ def load_map_file(name: str | Path) -> MapFile:
         f"log map {name}: must be a file, or the preset of a data set: {', '.join(presets)}.",
     )
     values = load_checked(LogMap, path, "log map")
-    content = read_yaml(path) or {}
-    return MapFile(values, {k: tuple(v) if isinstance(v, dict) else () for k, v in content.items()})
+    return MapFile(
+        values,
+        {k: tuple(v) if isinstance(v, dict) else () for k, v in (read_yaml(path) or {}).items()},
+    )
 
 
 def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
@@ -327,8 +334,7 @@ def convert(raw: Values, log_map: LogMap) -> dict[str, np.ndarray]:
         raw: (n, k) columns of a log at common times, by quantity.
     """
     q = convert_quantity("attitude", raw["attitude"], log_map) if "attitude" in raw else None
-    out = {} if q is None else {"attitude": q}
-    return out | {
+    return ({} if q is None else {"attitude": q}) | {
         name: convert_quantity(name, values, log_map, q)
         for name, values in raw.items()
         if name != "attitude"

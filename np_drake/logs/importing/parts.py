@@ -132,8 +132,10 @@ def require_a_flight(log_map: LogMap, path: str, looks: Callable[[str], str]) ->
     )
     for named, what, fields in needs:
         if not named:
-            whose = "its own names, or a map (--map FILE), must tell columns"
-            raise LogError(f"{path}: {whose} of {what}{looks(fields)}")
+            raise LogError(
+                f"{path}: its own names, or a map (--map FILE), must tell columns of {what}"
+                f"{looks(fields)}"
+            )
 
 
 FITS = "fits "  # beginning of a note that not all of a log is taken
@@ -363,8 +365,9 @@ def imported_parts(
     if failure is not None and not done:
         raise failure
     if max(done) < len(parts) - 1 and not any(line.startswith(FITS) for line in said):
-        end = done[max(done)].aligned.t[-1] - origin
-        said.append(f"{FITS}until {end:.1f} s; what follows is left out")
+        said.append(
+            f"{FITS}until {done[max(done)].aligned.t[-1] - origin:.1f} s; what follows is left out"
+        )
     if why := grounds[by_length[0]]:
         said.insert(0, f"{NO_FLIGHT}{why}; nothing can be identified")
     return log_map, [done[k] for k in sorted(done)], said

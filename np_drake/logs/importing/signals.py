@@ -54,8 +54,9 @@ class Signal:
     def _new(self) -> np.ndarray:
         """Whether a sample differs from the one before, (n,); all, unless many repeat."""
         new = self.differs
-        few = LEAST_ROWS <= new.sum() <= (1 - REPEATED) * len(new)
-        return new if few else np.ones(len(new), bool)
+        return (
+            new if LEAST_ROWS <= new.sum() <= (1 - REPEATED) * len(new) else np.ones(len(new), bool)
+        )
 
     @property
     def renewal(self) -> float:
@@ -147,8 +148,7 @@ class Signal:
     def _bulge(self, rate: "Signal", at: np.ndarray) -> np.ndarray:
         """Return what the integral of a rate adds to a line between samples, (m, k)."""
         i, total = self.before(at), rate.integral(self.t)
-        line = total[i] + self._share(i, at) * (total[i + 1] - total[i])
-        return rate.integral(at) - line
+        return rate.integral(at) - (total[i] + self._share(i, at) * (total[i + 1] - total[i]))
 
     def within_wide(self, rate: "Signal", i: np.ndarray) -> np.ndarray:
         """Return which intervals i (m,) of samples hold several of a rate, or are gaps that do,
@@ -327,8 +327,10 @@ def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
         name, column = find_column(recording.contents, source.columns[0], recording.path)
         factor = source.scale * UNITS["time"][source.unit or "s"]
         stream = streams[name]
-        t = np.asarray(stream.columns[column], float) * factor - (source.late or 0.0)
-        streams[name] = Stream(t, stream.columns)
+        streams[name] = Stream(
+            np.asarray(stream.columns[column], float) * factor - (source.late or 0.0),
+            stream.columns,
+        )
     for name, stream in streams.items():
         require(
             not len(stream) or not np.all(np.isnan(stream.t)),
@@ -393,8 +395,11 @@ def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) ->
     own, level = signals["rotor_speed"], None
     name = next((name for name in ("thrust", "throttle") if name in signals), "")
     if name:
-        values = convert_quantity(name, signals[name].values, log_map)
-        level = np.interp(own.t, signals[name].t, np.abs(values.mean(axis=1)))
+        level = np.interp(
+            own.t,
+            signals[name].t,
+            np.abs(convert_quantity(name, signals[name].values, log_map).mean(axis=1)),
+        )
     found, bridged, lost = without_zeros(own, level)
     rows = lost.any(axis=1)
     if name and rows.mean() > MOST_MISSING:
@@ -407,8 +412,11 @@ def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) ->
         LogError,
     )
     signals["rotor_speed"] = dc.replace(own, t=own.t[~rows], values=found[~rows])
-    counts = {"readings bridged": bridged.sum(), "rows left out": rows.sum()}
-    said = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    said = ", ".join(
+        f"{count} {what}"
+        for what, count in {"readings bridged": bridged.sum(), "rows left out": rows.sum()}.items()
+        if count
+    )
     return [f"rotor_speed: {DROPOUTS}: {said}"] if said else []
 
 
