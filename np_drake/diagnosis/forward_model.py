@@ -216,18 +216,16 @@ def specific_pull(
     r, r_rate = _start_of_swing(lengths, swing[:, :STATE], pull)
     at = zip(jumps(flight, onset) - first, range(STATE, swing.shape[1], STATE), strict=False)
     jumped = {int(k): swing[:, j : j + STATE] for k, j in at}
-    driving = a[first:, 0] if a.shape[1] == 1 else a[first:]
-    v_hook = _at_hooks(flight.moving, hooks)[first:] if np.any(damping) else None
     middle = swing_many(
         lengths,
         r,
         r_rate,
-        driving,
+        a[first:, 0] if a.shape[1] == 1 else a[first:],
         flight.grid.step,
         flight.vehicle.gravity,
         jumped,
         damping=damping,
-        v_hook=v_hook,
+        v_hook=_at_hooks(flight.moving, hooks)[first:] if np.any(damping) else None,
     )
     at_grid = np.concatenate([middle[:1], 0.5 * (middle[1:] + middle[:-1]), middle[-1:]])
     if onset is None:

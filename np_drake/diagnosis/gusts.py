@@ -137,8 +137,13 @@ def drags(e: FlightResiduals) -> np.ndarray:
     """Return (k, 3, 3) the force in W of a unit drag along each body axis (the last), averaged over
     bins [m/s].
     """
-    units = [Term(LinearDrag(*axis)) for axis in np.eye(3).tolist()]
-    return np.stack([forces(e, predicted_residual(e, [unit])) for unit in units], axis=-1)
+    return np.stack(
+        [
+            forces(e, predicted_residual(e, [Term(LinearDrag(*axis))]))
+            for axis in np.eye(3).tolist()
+        ],
+        axis=-1,
+    )
 
 
 def binned(e: FlightResiduals, values: np.ndarray) -> np.ndarray:
@@ -392,8 +397,10 @@ def as_gusts(
         (),
         effect=GustyWind.of({name: e.value for name, e in parameters.items()}),
     )
-    others = [c for c in causes if c.identifier not in GUSTY[1:]]
-    return [*(drag if c.identifier == DRAG else c for c in others), gusts]
+    return [
+        *(drag if c.identifier == DRAG else c for c in causes if c.identifier not in GUSTY[1:]),
+        gusts,
+    ]
 
 
 def _without_drag(
@@ -508,14 +515,13 @@ def with_drag(ranking: Ranking) -> Ranking:
     odds = best.score - problem.score(known.members) - priors.of_effect(DRAG) + priors.generic
     if odds < 0:
         return ranking
-    named = refit(problem, best, None, ranking.noise)
-    probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
+
     return dc.replace(
         ranking,
-        fits=(named, *ranking.fits),
+        fits=(refit(problem, best, None, ranking.noise), *ranking.fits),
         problem=problem,
         models=(best, *ranking.models),
-        probability=probability,
+        probability=ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))},
     )
 
 
@@ -531,8 +537,9 @@ def with_gusts(
     """Return the causes with gusts among them, where a drag was found through which they act."""
     flights, through_drag = ranking.problem.flights, residuals_of(ranking, held)
     for e in (*flights, *held.flights):
-        every = held.terms.get(e.name, ranking.best.terms)
-        terms = [t for t in every if t.effect.identifier in GUSTY]
+        terms = [
+            t for t in held.terms.get(e.name, ranking.best.terms) if t.effect.identifier in GUSTY
+        ]
         through_drag[e.name] = through_drag[e.name] + predicted_residual(e, terms)
     return as_gusts(flights, through_drag, causes, probability, ranking.options, held.flights)
 

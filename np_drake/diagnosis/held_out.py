@@ -273,11 +273,10 @@ class HeldOut:
 
     def kept(self, name: str, identifiers: Collection[str]) -> list[Term]:
         """Return the terms of some effects in a flight, and the calibration."""
-        kept = {*identifiers, *self.calibrations}
         return [
             term
             for i, term in enumerate(self.terms[name])
-            if i >= self.effects or term.effect.identifier in kept
+            if i >= self.effects or term.effect.identifier in {*identifiers, *self.calibrations}
         ]
 
     def left(self, identifiers: Collection[str]) -> dict[str, np.ndarray]:

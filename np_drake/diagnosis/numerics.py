@@ -49,9 +49,12 @@ class NoiseModel:
         """Return the model of the first channels alone; exact, as the mixing matrix is lower
         triangular.
         """
-        own = slice(channels)
         return NoiseModel(
-            self.phi[own], self.mixing[own, own], self.rms[own], self.innovation[own], self.step
+            self.phi[:channels],
+            self.mixing[:channels, :channels],
+            self.rms[:channels],
+            self.innovation[:channels],
+            self.step,
         )
 
     @cached_property

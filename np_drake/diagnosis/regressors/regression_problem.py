@@ -290,8 +290,10 @@ class SwitchedRegressors:
         late = self._e.bridged(X[:, channels])[near] * gate[:, None, channels, None]
         row = rows - half + np.arange(self._near)[:, None]
         there = ((row >= 0) & (row < m))[..., None]
-        both = self._driven(channels, np.moveaxis(late, 2, 1))
-        own, weighted = (np.where(there, part, 0.0).transpose(0, 2, 3, 1) for part in both)
+        own, weighted = (
+            np.where(there, part, 0.0).transpose(0, 2, 3, 1)
+            for part in self._driven(channels, np.moveaxis(late, 2, 1))
+        )
         XX, XB, Xy, at = whole.rows(np.clip(rows - half + self._near, 0, m))
         XX += np.sum(own @ np.swapaxes(weighted, 2, 3), axis=0)
         for part, c in zip(own, channels, strict=True):

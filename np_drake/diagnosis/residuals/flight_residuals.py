@@ -100,12 +100,12 @@ class FlightResiduals:
         """
         lacks = self.log.lacks
         channels = (
-            (POSITION, {"height", "velocity"}),
-            (VELOCITY, {"velocity"}),
-            (ATTITUDE, {"attitude"}),
+            (POSITION, "height" in lacks or "velocity" in lacks),
+            (VELOCITY, "velocity" in lacks),
+            (ATTITUDE, "attitude" in lacks),
+            (TORQUE, not self.knows_torque),
         )
-        own = [channel for channel, needed in channels if needed.intersection(lacks)]
-        return [*own, *[TORQUE] * (not self.knows_torque)]
+        return [channel for channel, lacking in channels if lacking]
 
     @property
     def weight(self) -> float:
@@ -149,9 +149,8 @@ class FlightResiduals:
         if self.log.a is not None:
             return self.rows.x, self.mids.x
         x, thrust = self.mids.x.copy(), self.thrust_mids @ self.vehicle.mixer[0]
-        dt = np.diff(self.log.t)
         x[:, V] = velocity_before(
-            self.mids.t, dt, x[:, V], x[:, Q], thrust, self.vehicle, self.grid.step
+            self.mids.t, np.diff(self.log.t), x[:, V], x[:, Q], thrust, self.vehicle, self.grid.step
         )
         return x, x
 
@@ -415,7 +414,6 @@ def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.nd
     thrust (n, 1) [N] and torque (n-1, 3) [N·m]: residuals if rotors held the first command before
     the log began.
     """
-    lag = 0.0 if log.input == "rotor_speed" else vehicle.rotor_time_constant
     first = max(1, int(np.sum(log.t[1:] <= log.t[0] + STEP)))
     missed = (
         np.concatenate([thrust[:first].mean(axis=0), torque[:first].mean(axis=0)])
@@ -423,6 +421,7 @@ def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.nd
     )
     if np.sqrt(np.mean(missed**2)) < OFF * (0.25 * vehicle.mass * vehicle.gravity):
         return float(log.t[0])
+    lag = 0.0 if log.input == "rotor_speed" else vehicle.rotor_time_constant
     return float(min(log.t[0] + SETTLING * lag, log.t[-1] - LEAST_DURATION))
 
 
