@@ -111,9 +111,10 @@ def _width(term: Term, vehicle: Vehicle) -> float:
 
     `Gram.evidence_of_sets` uses the same rule.
     """
-    free = [p for p in term.effect.parameters if not p.choices]
     sizes = [
-        (float(getattr(term.effect, p.name)) - p.neutral) / usual_size(p, vehicle) for p in free
+        (float(getattr(term.effect, p.name)) - p.neutral) / usual_size(p, vehicle)
+        for p in term.effect.parameters
+        if not p.choices
     ]
     return max(1.0, float(np.sqrt(np.mean(np.square(sizes)))))
 
@@ -267,8 +268,9 @@ def refine(
         H[:n, :n], H[n:, n:] = W.T @ W, white.gram
         for e in flights:
             (X, at), own = white.columns[e.name], r[white.rows[e.name]]
-            J = root * e.white(noise, scaled_jacobian(now, free, e)).reshape(len(own), n)
-            derivatives[e.name] = J
+            J = derivatives[e.name] = root * e.white(noise, scaled_jacobian(now, free, e)).reshape(
+                len(own), n
+            )
             H[:n, :n] += J.T @ J
             H[:n, n + at] += J.T @ X
             g[:n] -= J.T @ own
@@ -303,21 +305,16 @@ def refine(
     sandwich = np.sum((np.array(scores) @ covariance) ** 2, axis=0)
     robust = np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))
     covariance = covariance * np.sqrt(np.outer(robust, robust))
-    logdet = np.linalg.slogdet(best.information)[1]
     pairs = list(zip(linear, places((c.size for c in linear), n), strict=True))
-    parts = tuple(LinearPart(c.generic, best.z[at], covariance[at, at]) for c, at in pairs)
-    drifted = {
-        e.name: sum(c.columns[e.name] @ best.z[at] for c, at in pairs) for e in flights if pairs
-    }
     return Fit(
         tuple(fitted[: len(terms)]),
         tuple(fitted[len(terms) :]),
         tuple(free),
         best.z[:n] * scale,
         covariance[:n, :n] * np.outer(scale, scale),
-        float(-best.cost - 0.5 * logdet + np.linalg.slogdet(W)[1]),
-        drifted,
-        linear=parts,
+        float(-best.cost - 0.5 * np.linalg.slogdet(best.information)[1] + np.linalg.slogdet(W)[1]),
+        {e.name: sum(c.columns[e.name] @ best.z[at] for c, at in pairs) for e in flights if pairs},
+        linear=tuple(LinearPart(c.generic, best.z[at], covariance[at, at]) for c, at in pairs),
         allowed=tuple(calibration),
     )
 
@@ -379,9 +376,11 @@ def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
 
 def half_width(fit: Fit, i: int, name: str, entry: int = 0) -> float:
     """Return half the 95 % interval of a parameter of term i, or of an entry of its `LOADS`."""
-    wanted = (i, name, "", entry)
-    own = (k for k, f in enumerate(fit.free) if (f.term, f.name, f.flight, f.entry) == wanted)
-    return sum(SURE * float(np.sqrt(fit.covariance[k, k])) for k in own)
+    return sum(
+        SURE * float(np.sqrt(fit.covariance[k, k]))
+        for k, f in enumerate(fit.free)
+        if (f.term, f.name, f.flight, f.entry) == (i, name, "", entry)
+    )
 
 
 def greatest_height(flights: Sequence[FlightResiduals]) -> float:
@@ -459,8 +458,10 @@ def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
     flights, terms = problem.flights, _terms_at_posterior(problem, model)
     if not any(t.effect.has_hidden_state for t in terms):
         return refit(problem, model, None, iterations=iterations)
-    left = [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights]
-    same_scale = scale_only(left, flights[0].grid.step)
+    same_scale = scale_only(
+        [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights],
+        flights[0].grid.step,
+    )
     found = {
         e.name: fitted_to_whole_flight(terms, e, same_scale, problem.options.priors)
         for e in flights
@@ -500,11 +501,14 @@ def _descend(
     problem: RegressionProblem, model: Model, start: list[Term], noise: NoiseModel, iterations: int
 ) -> Fit:
     # An effect takes the place of what the file states of it.
-    allowed = file_deviations(problem.flights[0].vehicle, problem.options.tolerance)
     acting = [t.effect for t in start if not t.onset]
     fit = refine(
         start,
-        [d for d in allowed if not (d.stated and any(map(d.is_of, acting)))],
+        [
+            d
+            for d in file_deviations(problem.flights[0].vehicle, problem.options.tolerance)
+            if not (d.stated and any(map(d.is_of, acting)))
+        ],
         problem.flights,
         noise,
         temperature=problem.temperature,

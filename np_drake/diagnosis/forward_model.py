@@ -212,30 +212,26 @@ def specific_pull(
     """
     a = _at_hooks(flight.driving, hooks)
     first = 0 if onset is None else int(np.clip(np.searchsorted(flight.t, onset), 0, len(a) - 2))
-    weight = np.array([0.0, 0.0, flight.vehicle.gravity])
-    window = a[first : first + 25, 0].mean(axis=0)
-    r, r_rate = _start_of_swing(lengths, swing[:, :STATE], window + weight)
+    pull = a[first : first + 25, 0].mean(axis=0) + [0.0, 0.0, flight.vehicle.gravity]
+    r, r_rate = _start_of_swing(lengths, swing[:, :STATE], pull)
     at = zip(jumps(flight, onset) - first, range(STATE, swing.shape[1], STATE), strict=False)
     jumped = {int(k): swing[:, j : j + STATE] for k, j in at}
-    driving = a[first:, 0] if a.shape[1] == 1 else a[first:]
-    v_hook = _at_hooks(flight.moving, hooks)[first:] if np.any(damping) else None
     middle = swing_many(
         lengths,
         r,
         r_rate,
-        driving,
+        a[first:, 0] if a.shape[1] == 1 else a[first:],
         flight.grid.step,
         flight.vehicle.gravity,
         jumped,
         damping=damping,
-        v_hook=v_hook,
+        v_hook=_at_hooks(flight.moving, hooks)[first:] if np.any(damping) else None,
     )
     at_grid = np.concatenate([middle[:1], 0.5 * (middle[1:] + middle[:-1]), middle[-1:]])
     if onset is None:
         return at_grid @ flight.R_WB
-    begun = flight.begun(onset)[:, None, FORCE]
     held = np.concatenate([np.repeat(at_grid[:1], first, axis=0), at_grid])
-    return begun * (held @ flight.R_WB)
+    return flight.begun(onset)[:, None, FORCE] * (held @ flight.R_WB)
 
 
 def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:

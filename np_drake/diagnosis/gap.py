@@ -67,9 +67,10 @@ def localise(
         np.sqrt(np.mean(np.concatenate([of[n][rows[n]] for n in of]) ** 2, axis=0))
         for of in (before, residual)
     )
-    channels = zip(CHANNELS, UNITS, was.tolist(), noise.rms.tolist(), now.tolist(), strict=False)
     return Localisation(
-        channels=tuple(ChannelGap(*channel) for channel in channels),
+        channels=tuple(
+            map(ChannelGap, CHANNELS, UNITS, was.tolist(), noise.rms.tolist(), now.tolist())
+        ),
         regimes=_regimes(flights, residual, noise),
         times={e.name: e.t for e in flights},
         before=before,
@@ -191,8 +192,10 @@ def assess_identifiability(
         warnings += [f"{REQUIREMENTS[quantity]}: {names} cannot be told."] * bool(names)
     for e in [*train, *held_out]:
         if e.log.a is None:
-            said = "no acceleration; velocity is differentiated, accelerometer_bias cannot be told."
-            warnings.append(f"{e.name}: {said}")
+            warnings.append(
+                f"{e.name}: no acceleration; velocity is differentiated, accelerometer_bias cannot "
+                "be told."
+            )
         if e.attitude_noise > QUIET:
             how = "turned with it" if e.turned else "free of it"
             warnings.append(
@@ -212,8 +215,7 @@ def manoeuvre(effects: Sequence[str]) -> str:
     if len(effects) == 2 and (apart := tells_apart(*effects)):
         return apart
     known = dict.fromkeys(effect_of(name).excited_by for name in effects)
-    every = "a flight that excites every axis at several speeds"
-    return "; or ".join(filter(None, known)) or every
+    return "; or ".join(filter(None, known)) or "a flight that excites every axis at several speeds"
 
 
 def tells_apart(a: str, b: str) -> str:
@@ -361,8 +363,9 @@ def payload_track(
     strong = np.linalg.norm(pull, axis=1, keepdims=True) > SLACK * payload.mass * vehicle.gravity
     down = np.where(strong, pull, -specific)
     r = payload.length * down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
-    rate = _local_polynomial(r, step, PAYLOAD_SPAN, order=2, derivative=1)
-    return np.concatenate([r, rate], axis=1)
+    return np.concatenate(
+        [r, _local_polynomial(r, step, PAYLOAD_SPAN, order=2, derivative=1)], axis=1
+    )
 
 
 def state_error(x: np.ndarray, x_true: np.ndarray) -> np.ndarray:
@@ -389,8 +392,7 @@ def replay_gap(errors: np.ndarray, horizons: tuple[float, ...]) -> ReplayGap:
     with np.errstate(invalid="ignore"):  # inf - inf where many starts diverged
         lower, upper = np.quantile(medians, [0.025, 0.975], axis=0, method="nearest")
     values = np.stack([np.median(errors, axis=0), lower, upper], axis=-1)  # (h, 3 quantities, 3)
-    position, velocity, turned = values[:, 0], values[:, 1], values[:, 2]
-    return ReplayGap(tuple(horizons), position, velocity, turned, len(errors))
+    return ReplayGap(tuple(horizons), values[:, 0], values[:, 1], values[:, 2], len(errors))
 
 
 LEAD = 0.5  # commands before a replay that motors and delays need [s]
@@ -411,9 +413,12 @@ def measure_gap_reduction(
 
     calibration: effects of the vehicle's calibration, which the corrected simulator has as well.
     """
-    flights, said = held.flights, "too short to judge a payload by rows to which its swing was not"
-    fitted = [e.name for e in flights if scored_on_fitted_rows(held.terms[e.name], e)]
-    warnings = [f"{name}: {said} fitted." for name in fitted]
+    flights = held.flights
+    warnings = [
+        f"{e.name}: too short to judge a payload by rows to which its swing was not fitted."
+        for e in flights
+        if scored_on_fitted_rows(held.terms[e.name], e)
+    ]
     before = pooled([e.against_file[held.rows[e.name]] for e in flights], noise)
     after = remaining_residual(causes, noise, held)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)

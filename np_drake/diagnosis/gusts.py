@@ -137,8 +137,13 @@ def drags(e: FlightResiduals) -> np.ndarray:
     """Return (k, 3, 3) the force in W of a unit drag along each body axis (the last), averaged over
     bins [m/s].
     """
-    units = [Term(LinearDrag(*axis)) for axis in np.eye(3).tolist()]
-    return np.stack([forces(e, predicted_residual(e, [unit])) for unit in units], axis=-1)
+    return np.stack(
+        [
+            forces(e, predicted_residual(e, [Term(LinearDrag(*axis))]))
+            for axis in np.eye(3).tolist()
+        ],
+        axis=-1,
+    )
 
 
 def binned(e: FlightResiduals, values: np.ndarray) -> np.ndarray:
@@ -237,14 +242,13 @@ def wind_onset(
     Source: likelihood of a change point; the two sides independent (own choice).
     """
     bins, t = forces(e, residual)[:, :2], instants(e)
-    k = np.arange(len(t))
     here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
     deviation, time = wind.deviation[0], wind.correlation_time[0]
     root = factor(len(t), width(e), deviation, time, wind.white, deviation)
     # A stationary process is the same backwards: one solution has those from every bin to the last.
     loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
     near = (t > t[0] + (LEAST_STILL if begin is None else EDGE)) & (t < t[-1] - LAST)
-    tried = np.union1d(k[near], [0, here])
+    tried = np.union1d(np.flatnonzero(near), [0, here])
     best = int(tried[np.argmin(loss[tried])])
     if loss[here] - loss[best] <= 2 * gain:
         return begin, float(loss[here])
@@ -305,13 +309,15 @@ def still_air_loss(
     (drift, _), spread = options.priors.attitude_drift, options.priors.attitude_spread
     rough = np.sqrt(np.mean(np.diff(bins, 2, axis=0) ** 2) / 6)
     n = min(len(bins), round(SPAN / width(e)))
-    losses = [
-        _still_air_loss_of(bins, factor(n, width(e), s * size, drift, w * rough, size))
-        + (np.log(s) / spread) ** 2
-        for s in SIZES
-        for w in WHITES
-    ]
-    return np.min(losses, axis=0)
+    return np.min(
+        [
+            _still_air_loss_of(bins, factor(n, width(e), s * size, drift, w * rough, size))
+            + (np.log(s) / spread) ** 2
+            for s in SIZES
+            for w in WHITES
+        ],
+        axis=0,
+    )
 
 
 def _still_air_loss_of(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
@@ -383,10 +389,18 @@ def as_gusts(
     if not options.materiality.force * flights[0].weight <= force.deviation[0] <= most:
         return causes
     parameters = _statistics(flights, force, drag, options)
-    effect = GustyWind.of({name: e.value for name, e in parameters.items()})
-    gusts = Cause(GustyWind.identifier, probability, parameters, dict(onset), (), effect=effect)
-    others = [c for c in causes if c.identifier not in GUSTY[1:]]
-    return [*(drag if c.identifier == DRAG else c for c in others), gusts]
+    gusts = Cause(
+        GustyWind.identifier,
+        probability,
+        parameters,
+        dict(onset),
+        (),
+        effect=GustyWind.of({name: e.value for name, e in parameters.items()}),
+    )
+    return [
+        *(drag if c.identifier == DRAG else c for c in causes if c.identifier not in GUSTY[1:]),
+        gusts,
+    ]
 
 
 def _without_drag(
@@ -462,8 +476,7 @@ def _onsets(
             for still in (windy, through_drag)
         )
         late = [e for e in flights if any(b[e.name][0] is not None for b in (apart, together))]
-        gain = sum(apart[e.name][1] - together[e.name][1] for e in late or held_out)
-        both = gain + at_once > 0
+        both = at_once + sum(apart[e.name][1] - together[e.name][1] for e in late or held_out) > 0
         known = {name: at for name, (at, _) in (together if both else apart).items()}
         acts = known if both else drag.onset
     return known, acts
@@ -502,10 +515,14 @@ def with_drag(ranking: Ranking) -> Ranking:
     odds = best.score - problem.score(known.members) - priors.of_effect(DRAG) + priors.generic
     if odds < 0:
         return ranking
-    named = refit(problem, best, None, ranking.noise)
-    probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
-    fits, models = (named, *ranking.fits), (best, *ranking.models)
-    return dc.replace(ranking, fits=fits, problem=problem, models=models, probability=probability)
+
+    return dc.replace(
+        ranking,
+        fits=(refit(problem, best, None, ranking.noise), *ranking.fits),
+        problem=problem,
+        models=(best, *ranking.models),
+        probability=ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))},
+    )
 
 
 def residuals_of(ranking: Ranking, held: HeldOut) -> dict[str, np.ndarray]:
@@ -520,8 +537,9 @@ def with_gusts(
     """Return the causes with gusts among them, where a drag was found through which they act."""
     flights, through_drag = ranking.problem.flights, residuals_of(ranking, held)
     for e in (*flights, *held.flights):
-        every = held.terms.get(e.name, ranking.best.terms)
-        terms = [t for t in every if t.effect.identifier in GUSTY]
+        terms = [
+            t for t in held.terms.get(e.name, ranking.best.terms) if t.effect.identifier in GUSTY
+        ]
         through_drag[e.name] = through_drag[e.name] + predicted_residual(e, terms)
     return as_gusts(flights, through_drag, causes, probability, ranking.options, held.flights)
 
@@ -539,9 +557,11 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
     for e in held.flights:
         kept, given = held.terms[e.name][: held.effects], held.terms[e.name][held.effects :]
         rest = [t for t in kept if t.effect.identifier not in GUSTY]
-        own = Term(drag.effect, {e.name: drag.onset.get(e.name)})
-        wind = Term(gusts.effect.predicted, {e.name: gusts.onset.get(e.name)})
-        terms[e.name] = [*rest, own, wind, *given]
+        terms[e.name] = [
+            *rest,
+            Term(drag.effect, {e.name: drag.onset.get(e.name)}),
+            Term(gusts.effect.predicted, {e.name: gusts.onset.get(e.name)}),
+            *given,
+        ]
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
-    effects = len(rest) + 2
-    return dc.replace(held, terms=terms, residual=residual, effects=effects)
+    return dc.replace(held, terms=terms, residual=residual, effects=len(rest) + 2)

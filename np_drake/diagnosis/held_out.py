@@ -86,8 +86,8 @@ def mark_outliers(
     A swing is lost at an outlier, and what it misses from there on looks like more of them: they
     are taken in turn.
     """
-    given = predicted_residual(flight, calibration) if calibration else 0.0
-    marked, flight = flight, dc.replace(flight, y=flight.y - given)
+    marked = flight
+    flight = dc.replace(flight, y=flight.y - predicted_residual(flight, calibration))
     for _ in range(MOST_JUMPS if any(t.effect.has_hidden_state for t in terms) else 0):
         # Where a swing is lost it misses ever more.
         found = _outliers(terms, flight, noise, priors, most=1.0)
@@ -189,8 +189,7 @@ def _with_onset(
     """
     term = terms[i]
     if term.loads:  # jumps were fitted to the first load alone
-        start = {name: swing[:STATE] for name, swing in term.hidden.items()}
-        term = dc.replace(term, hidden=start)
+        term = dc.replace(term, hidden={name: h[:STATE] for name, h in term.hidden.items()})
     terms = [*terms[:i], term, *terms[i + 1 :]]
     rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
     trace = predicted_residual(flight, terms)
@@ -206,10 +205,13 @@ def _with_onset(
         k = 0
     if k == 0 and not term.loads:
         return term
-    onset = {flight.name: float(t[k]) if k else None}
-    changes = {flight.name: times_of_changes(t, following, k)}
-    begun = dc.replace(term, onset=onset, hidden={}, changes=changes)
-    return _anchored([*terms[:i], begun, *terms[i + 1 :]], i, flight, noise, priors)
+    terms[i] = dc.replace(
+        term,
+        onset={flight.name: float(t[k]) if k else None},
+        hidden={},
+        changes={flight.name: times_of_changes(t, following, k)},
+    )
+    return _anchored(terms, i, flight, noise, priors)
 
 
 def _span_by_span(
@@ -271,11 +273,10 @@ class HeldOut:
 
     def kept(self, name: str, identifiers: Collection[str]) -> list[Term]:
         """Return the terms of some effects in a flight, and the calibration."""
-        kept = {*identifiers, *self.calibrations}
         return [
             term
             for i, term in enumerate(self.terms[name])
-            if i >= self.effects or term.effect.identifier in kept
+            if i >= self.effects or term.effect.identifier in {*identifiers, *self.calibrations}
         ]
 
     def left(self, identifiers: Collection[str]) -> dict[str, np.ndarray]:
@@ -309,12 +310,16 @@ def on_held_out(
         known = adapt(fit.terms, e, noise, priors, fit.calibration, unmeasured=unmeasured)
         terms[e.name] = list(known)
         for i, term in enumerate(known):
-            begin, doubts = term.begins(e.name), []
-            for k, own in enumerate(hidden_state_rows(term, e)):
-                span = SwingFit(known, i, e, noise, begin, own, priors)
-                doubts.append(span.posterior_swings(slice(k * STATE, (k + 1) * STATE)))
-            if doubts:
-                swings = span.known + sum(doubts)
+            begin = term.begins(e.name)
+            spans = [
+                SwingFit(known, i, e, noise, begin, own, priors)
+                for own in hidden_state_rows(term, e)
+            ]
+            if spans:
+                swings = spans[0].known + sum(
+                    span.posterior_swings(slice(k * STATE, (k + 1) * STATE))
+                    for k, span in enumerate(spans)
+                )
                 terms[e.name][i] = dc.replace(term, hidden={e.name: swings})
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
         rows[e.name] = scored_rows(terms[e.name], e)
@@ -330,19 +335,24 @@ def with_calibration(
 
     An earlier calibration of the flight is undone.
     """
-    unmeasured = options.tolerance.unmeasured
     if not options.tolerance.real:
         return e
     own = errors_of(e, options.tolerance)
     e = dc.replace(e, y=e.uncalibrated, calibrated=0.0)
     shared = sum((columns(e) @ c for columns, c in fit.calibrated), start=np.zeros_like(e.y))
     there = dc.replace(e, y=e.y - shared)
-    terms = adapt(fit.terms, there, noise, options.priors, fit.calibration, unmeasured=unmeasured)
+    terms = adapt(
+        fit.terms,
+        there,
+        noise,
+        options.priors,
+        fit.calibration,
+        unmeasured=options.tolerance.unmeasured,
+    )
     left = there.y - predicted_residual(there, terms)
     # Sensors that are worse in this flight do not decide about it.
     louder = with_loudness(noise, [e.bridged(left)], [e.name], quietest=1.0)
-    gram = dc.replace(there, y=left).gram(louder, [own])
-    mean, _ = gram.posterior(np.arange(own.shape[-1]))
+    mean, _ = there.gram(louder, [own], left).posterior(np.arange(own.shape[-1]))
     given = shared + own @ mean
     return dc.replace(e, y=e.known(e.y - given), calibrated=e.known(given))
 

@@ -49,9 +49,12 @@ class NoiseModel:
         """Return the model of the first channels alone; exact, as the mixing matrix is lower
         triangular.
         """
-        own = slice(channels)
         return NoiseModel(
-            self.phi[own], self.mixing[own, own], self.rms[own], self.innovation[own], self.step
+            self.phi[:channels],
+            self.mixing[:channels, :channels],
+            self.rms[:channels],
+            self.innovation[:channels],
+            self.step,
         )
 
     @cached_property
@@ -172,9 +175,8 @@ def with_loudness(
     """
     usual, loudness = np.sqrt(np.maximum(noise.innovation, 1e-300)), {}
     for name, r in zip(flights, residuals, strict=True):
-        driven = [noise.driven_in(c, r[:, c]) for c in range(len(usual))]
-        own = np.array([np.sqrt(np.mean(d**2)) for d in driven]) / usual
-        loudness[name] = np.where(noise.active, np.maximum(own, quietest), 1.0)
+        own = [np.sqrt(np.mean(noise.driven_in(c, r[:, c]) ** 2)) for c in range(len(usual))]
+        loudness[name] = np.where(noise.active, np.maximum(own / usual, quietest), 1.0)
     return dc.replace(noise, loudness=loudness)
 
 
@@ -335,9 +337,9 @@ class Gram:
             covariance = np.linalg.inv(
                 self.XX[index[:, :, None], index[:, None, :]] + np.eye(index.shape[1])
             )
-            mean = (covariance @ self.Xy[index][..., None])[..., 0]
-            for i, *one in zip(some, mean, covariance, strict=True):
-                found[i] = (one[0], one[1])
+            means = (covariance @ self.Xy[index][..., None])[..., 0]
+            for i, mean, own in zip(some, means, covariance, strict=True):
+                found[i] = (mean, own)
         return found
 
 

@@ -63,14 +63,15 @@ def slow_force(
         (centre[0] - 4, centre[0] + 4),
         (np.log(time) - REACH * times, np.log(time) + REACH * times),
     ]
-    starts = [
-        [*z, centre[0] + np.log(s), np.log(time)]
+    ends = (
+        scipy.optimize.minimize(
+            with_force,
+            [*z, centre[0] + np.log(s), np.log(time)],
+            method="L-BFGS-B",
+            bounds=[*bounds, *about],
+        )
         for z, s in zip((sensors.x, centre), STARTS, strict=True)
-    ]
-    ends = [
-        scipy.optimize.minimize(with_force, z, method="L-BFGS-B", bounds=[*bounds, *about])
-        for z in starts
-    ]
+    )
     best = min(ends, key=lambda end: end.fun)
     return max(float(sensors.fun - best.fun), 0.0), mass * float(np.exp(best.x[n]))
 
@@ -201,11 +202,10 @@ def position_p_value(
     for e in flights:
         at = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, P].T], axis=1)
         place = (at - middle) / size
-        dragged = np.hstack([*np.moveaxis(drags(e)[:, :2], 1, 0)])
         level = np.hstack(
             [
                 forces(e, residual[e.name])[:, :2],
-                dragged,
+                *np.moveaxis(drags(e)[:, :2], 1, 0),
                 binned(e, place),
                 binned(e, place[:, first] * place[:, second]),
             ]
@@ -230,6 +230,5 @@ def position_p_value(
 
 def _about_its_mean(span: np.ndarray, width: float, wind: WindForce) -> np.ndarray:
     """Return (k, a) columns whitened, without what is constant before it was."""
-    law = (wind.deviation[0], wind.correlation_time[0], wind.white)
-    white, one, _ = whitened([span], width, *law)
+    white, one, _ = whitened([span], width, wind.deviation[0], wind.correlation_time[0], wind.white)
     return white - np.outer(one, one @ white) / (one @ one)

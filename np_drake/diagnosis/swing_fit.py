@@ -62,8 +62,8 @@ class SwingFit:
         self._raw = slice(begin, max(last + 1, begin + order))
         self._scored = rows[self._raw][order:]
         self._flight, self._noise = flight.head(self._raw.stop), noise
-        others = [t for j, t in enumerate(terms) if j != i]
-        self._target = self._white(self._flight.y - predicted_residual(self._flight, others))
+        others = predicted_residual(self._flight, [*terms[:i], *terms[i + 1 :]])
+        self._target = self._white(self._flight.y - others)
         self.size = hidden_size(flight, onset)
         rate = np.sqrt(flight.vehicle.gravity / terms[i].effect.payload.length)  # type: ignore[attr-defined]
         unit = swing_units(self.size, rate)
@@ -125,9 +125,8 @@ class SwingFit:
         Source: Laplace approximation.
         """
         covariance = np.linalg.inv(self._normal(self.known, free)[2])
-        seed = free.indices(self.size)[0]
         normal = scipy.stats.qmc.MultivariateNormalQMC(
-            np.zeros(len(covariance)), covariance, rng=seed
+            np.zeros(len(covariance)), covariance, rng=free.indices(self.size)[0]
         )
         return normal.random(WAYS) @ np.eye(self.size)[free]
 
@@ -150,8 +149,9 @@ class SwingFit:
         return (self._target[..., None] - self._white(channels)).reshape(-1, len(swings)).T
 
     def _white(self, values: np.ndarray) -> np.ndarray:
-        bridged = self._flight.bridged(values)[self._raw]
-        return self._noise.whiten(bridged, self._flight.name)[self._scored]
+        return self._noise.whiten(self._flight.bridged(values)[self._raw], self._flight.name)[
+            self._scored
+        ]
 
 
 def fitted_to_whole_flight(

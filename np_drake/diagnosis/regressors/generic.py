@@ -204,11 +204,10 @@ def _each(features: np.ndarray, channels: Sequence[int]) -> np.ndarray:
 
 
 def _damping(s: FlightState) -> np.ndarray:
-    parts = [
-        _each(np.stack([s.w[:, i], np.abs(s.w[:, i]) * s.w[:, i]], axis=1), [3 + i])
-        for i in range(3)
-    ]
-    return np.concatenate(parts, axis=2)
+    squares = np.abs(s.w) * s.w
+    return np.concatenate(
+        [_each(np.stack([s.w[:, i], squares[:, i]], axis=1), [3 + i]) for i in range(3)], axis=2
+    )
 
 
 def _side_force(s: FlightState) -> np.ndarray:
@@ -250,9 +249,8 @@ def _coupling(s: FlightState) -> np.ndarray:
     tau = s.u[:, 1:] / (np.std(s.u[:, 1:], axis=0) + 1e-9)
     parts = [_each(np.concatenate([f, rate], axis=1), [3, 4, 5])]
     for i in range(3):
-        others = np.delete(tau, i, axis=1)
         own = np.sign(np.gradient(tau[:, i]))[:, None] * 0.5
-        parts.append(_each(np.concatenate([others, own], axis=1), [3 + i]))
+        parts.append(_each(np.concatenate([np.delete(tau, i, axis=1), own], axis=1), [3 + i]))
     return np.concatenate(parts, axis=2)
 
 
@@ -302,9 +300,8 @@ def _resonance(frequency: float) -> Pushes:
         answer = scipy.signal.lfilter(b, a, (drive - drive.mean(axis=0)) / 2.0, axis=0)
         lagged = scipy.signal.lfilter([1.0 / s.step, -1.0 / s.step], [1.0], answer, axis=0) / omega
         pair = 2 * DAMPING * (np.swapaxes(s.R, 1, 2) @ np.stack([answer, lagged], axis=2))
-        parts = [_each(pair[:, i], [i]) for i in range(3)]
-        parts += [_each(pair[:, 0], [4]), _each(pair[:, 1], [3])]
-        return np.concatenate(parts, axis=2)
+        along = ((0, 0), (1, 1), (2, 2), (0, 4), (1, 3))
+        return np.concatenate([_each(pair[:, i], [channel]) for i, channel in along], axis=2)
 
     return pushes
 

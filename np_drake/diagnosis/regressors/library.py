@@ -156,11 +156,16 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
         return [Term(effect.of({**fixed, **values}), onset)]
 
     label = ",".join(f"{k}={v:g}" for k, v in fixed.items())
-    columns = {e.name: one(e) for e in flights}
     one_sided = np.array([p.lower == p.neutral for p in free])
-    physical = partial(_not_negative, root, one_sided) if one_sided.any() else None
-    prior = -math.log(variants)
-    return Candidate((effect.identifier,), label, columns, terms, prior, onset, physical)
+    return Candidate(
+        (effect.identifier,),
+        label,
+        {e.name: one(e) for e in flights},
+        terms,
+        -math.log(variants),
+        onset,
+        partial(_not_negative, root, one_sided) if one_sided.any() else None,
+    )
 
 
 def _not_negative(
@@ -201,11 +206,16 @@ def at_value(effect, flights, onset, values: dict[str, float], variants: int, st
         }
         return [Term(effect.of(scaled), onset)]
 
-    label = ",".join(f"{k}={v:.3g}" for k, v in values.items())
     one_sided = all(p.lower >= p.neutral for p in effect.parameters)
-    physical = _positive if one_sided else None
-    prior = -math.log(variants)
-    return Candidate((effect.identifier,), label, columns, terms, prior, onset, physical)
+    return Candidate(
+        (effect.identifier,),
+        ",".join(f"{k}={v:.3g}" for k, v in values.items()),
+        columns,
+        terms,
+        -math.log(variants),
+        onset,
+        _positive if one_sided else None,
+    )
 
 
 def _positive(mean: np.ndarray, covariance: np.ndarray) -> Mended:
@@ -232,8 +242,10 @@ def wind_candidates(
         for e in flights:
             unit, stages = Term(LinearDrag(typical, typical, typical), drag.onset), Stages()
             still = predicted_residual(e, [unit], stages)
-            winds = [ConstantWind(*axis) for axis in np.eye(3).tolist()]
-            windy = [predicted_residual(e, [unit, Term(wind, onset)], stages) for wind in winds]
+            windy = [
+                predicted_residual(e, [unit, Term(ConstantWind(*axis), onset)], stages)
+                for axis in np.eye(3).tolist()
+            ]
             extra = np.stack([w - still for w in windy], axis=-1) * speeds
             columns[e.name] = np.concatenate([drag.columns[e.name], extra], axis=-1)
 

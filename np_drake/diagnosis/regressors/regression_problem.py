@@ -105,8 +105,10 @@ class RegressionProblem:
     @cached_property
     def total(self) -> Gram:
         """Gram matrix of nuisance and candidates over all flights."""
-        every = [*self.nuisance, *self.candidates]
-        grams = (e.gram(self.noise, [c.columns[e.name] for c in every]) for e in self.flights)
+        grams = (
+            e.gram(self.noise, [c.columns[e.name] for c in (*self.nuisance, *self.candidates)])
+            for e in self.flights
+        )
         return reduce(add, grams).tempered(self.temperature)
 
     @cached_property
@@ -144,12 +146,11 @@ class RegressionProblem:
         priors = np.array([self._log_prior(members) for members in sets]) + self._log_probability(
             sets
         )
-        wide = [[self.candidates[i].widens for i in members] for members in sets]
         some = np.flatnonzero(np.isfinite(priors)).tolist()
         evidence = np.zeros(len(sets))
         evidence[some] = self._rest.evidence_of_sets(
             [[self.columns_of(k) - self._nuisance for k in sets[i]] for i in some],
-            [wide[i] for i in some],
+            [[self.candidates[k].widens for k in sets[i]] for i in some],
         )
         return (evidence + priors).tolist()
 
@@ -164,10 +165,9 @@ class RegressionProblem:
 
     def _log_prior(self, members: Sequence[int]) -> float:
         chosen = [self.candidates[i] for i in members]
-        effects = {name for c in chosen for name in c.identifiers}
-        return prior_of(effects, self.options.priors) + sum(
-            c.log_prior + c.onset_prior for c in chosen
-        )
+        return prior_of(
+            {name for c in chosen for name in c.identifiers}, self.options.priors
+        ) + sum(c.log_prior + c.onset_prior for c in chosen)
 
     def _log_probability(self, sets: Sequence[Sequence[int]]) -> np.ndarray:
         """Return the log probability (n,) under the posterior that all members of each set are
@@ -190,11 +190,11 @@ class RegressionProblem:
         """Return whether no effect occurs twice, nor is calibrated already, and at most one is a
         pure delay.
         """
-        if any(self.candidates[i].calibrated for i in members):
-            return False
         names = [name for i in members for name in self.candidates[i].identifiers]
         return (
-            len(names) == len(set(names)) and sum(effect_of(name).pure_delay for name in names) < 2
+            not any(self.candidates[i].calibrated for i in members)
+            and len(names) == len(set(names))
+            and sum(effect_of(name).pure_delay for name in names) < 2
         )
 
 
@@ -290,8 +290,10 @@ class SwitchedRegressors:
         late = self._e.bridged(X[:, channels])[near] * gate[:, None, channels, None]
         row = rows - half + np.arange(self._near)[:, None]
         there = ((row >= 0) & (row < m))[..., None]
-        both = self._driven(channels, np.moveaxis(late, 2, 1))
-        own, weighted = (np.where(there, part, 0.0).transpose(0, 2, 3, 1) for part in both)
+        own, weighted = (
+            np.where(there, part, 0.0).transpose(0, 2, 3, 1)
+            for part in self._driven(channels, np.moveaxis(late, 2, 1))
+        )
         XX, XB, Xy, at = whole.rows(np.clip(rows - half + self._near, 0, m))
         XX += np.sum(own @ np.swapaxes(weighted, 2, 3), axis=0)
         for part, c in zip(own, channels, strict=True):
@@ -312,8 +314,8 @@ class SwitchedRegressors:
             self._noise.driven_in(c, values[:, i], self._e.name)
             for i, c in enumerate(channels.tolist())
         ]
-        shape = (len(values) - self._order, *values.shape[2:])
-        own = self._scale * np.reshape(parts, (len(parts), *shape))
+        shape = (len(parts), len(values) - self._order, *values.shape[2:])
+        own = self._scale * np.reshape(parts, shape)
         return own, np.tensordot(self._noise.weight[np.ix_(channels, channels)], own, 1)
 
 
@@ -336,9 +338,8 @@ def onset_log_likelihood(
     """
     columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
     t, X = columns.t, own[..., None]
-    rows = np.arange(1, len(t))
     whole = columns.whole(X)
-    begun = columns.begun(X, whole, rows)
+    begun = columns.begun(X, whole, np.arange(1, len(t)))
     XX, Xy = (
         np.concatenate([a[:1], b, 0 * a[:1]])
         for a, b in ((whole.XX[..., 0], begun.XX[..., 0]), (whole.Xy, begun.Xy))
@@ -382,8 +383,8 @@ def times_of_changes(t: np.ndarray, following: np.ndarray, first: int) -> tuple[
         t: (n,) times [s], the last one `NEVER`.
         following: (k, n) rows by `ordered_changes`.
     """
-    rows = list[int]()
+    rows = [first]
     for after in following:
-        rows.append(int(after[rows[-1] if rows else first]))
-    pairs = pairwise([*rows, len(t) - 1])
+        rows.append(int(after[rows[-1]]))
+    pairs = pairwise([*rows[1:], len(t) - 1])
     return tuple(NEVER if row >= end else float(t[row]) for row, end in pairs)

@@ -100,12 +100,12 @@ class FlightResiduals:
         """
         lacks = self.log.lacks
         channels = (
-            (POSITION, {"height", "velocity"}),
-            (VELOCITY, {"velocity"}),
-            (ATTITUDE, {"attitude"}),
+            (POSITION, "height" in lacks or "velocity" in lacks),
+            (VELOCITY, "velocity" in lacks),
+            (ATTITUDE, "attitude" in lacks),
+            (TORQUE, not self.knows_torque),
         )
-        own = [channel for channel, needed in channels if needed.intersection(lacks)]
-        return [*own, *[TORQUE] * (not self.knows_torque)]
+        return [channel for channel, lacking in channels if lacking]
 
     @property
     def weight(self) -> float:
@@ -149,9 +149,8 @@ class FlightResiduals:
         if self.log.a is not None:
             return self.rows.x, self.mids.x
         x, thrust = self.mids.x.copy(), self.thrust_mids @ self.vehicle.mixer[0]
-        dt = np.diff(self.log.t)
         x[:, V] = velocity_before(
-            self.mids.t, dt, x[:, V], x[:, Q], thrust, self.vehicle, self.grid.step
+            self.mids.t, np.diff(self.log.t), x[:, V], x[:, Q], thrust, self.vehicle, self.grid.step
         )
         return x, x
 
@@ -244,8 +243,7 @@ class FlightResiduals:
             self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1]
         )
         by_row = ("y", "nominal", "w", "outliers", "joined", "calibrated", "given")
-        values = {name: getattr(self, name) for name in by_row}
-        cut = {name: value[:n] if np.ndim(value) else value for name, value in values.items()}
+        cut = {name: getattr(self, name)[:n] for name in by_row if np.ndim(getattr(self, name))}
         return dc.replace(self, grid=grid, **cut)
 
     def begun(self, onset: float | None) -> np.ndarray:
@@ -416,15 +414,14 @@ def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.nd
     thrust (n, 1) [N] and torque (n-1, 3) [N·m]: residuals if rotors held the first command before
     the log began.
     """
-    lag = 0.0 if log.input == "rotor_speed" else vehicle.rotor_time_constant
     first = max(1, int(np.sum(log.t[1:] <= log.t[0] + STEP)))
     missed = (
         np.concatenate([thrust[:first].mean(axis=0), torque[:first].mean(axis=0)])
         @ vehicle.unmixer.T
     )
-    hover = 0.25 * vehicle.mass * vehicle.gravity
-    if np.sqrt(np.mean(missed**2)) < OFF * hover:
+    if np.sqrt(np.mean(missed**2)) < OFF * (0.25 * vehicle.mass * vehicle.gravity):
         return float(log.t[0])
+    lag = 0.0 if log.input == "rotor_speed" else vehicle.rotor_time_constant
     return float(min(log.t[0] + SETTLING * lag, log.t[-1] - LEAST_DURATION))
 
 
@@ -437,12 +434,11 @@ def _attitude_for_force(
     if log.a is None or smooth is log.q:
         return smooth, False
     g = np.array([0.0, 0.0, gravity])
-    roughness = [
+    read, better = (
         np.mean(np.diff(attitude.rotate_back(q, log.a + g)[:, :2], n=2, axis=0) ** 2)
         for q in (log.q, smooth)
-    ]
-    turned = roughness[0] < roughness[1]
-    return (log.q if turned else smooth), bool(turned)
+    )
+    return (log.q, True) if read < better else (smooth, False)
 
 
 def _channels(
@@ -458,8 +454,7 @@ def _channels(
     """
     dt = np.diff(log.t)[:, None]
     g = np.array([0.0, 0.0, vehicle.gravity])
-    rate = np.diff(log.v, axis=0) / dt
-    from_v = attitude.rotate_back(mids.q, rate + g)
+    from_v = attitude.rotate_back(mids.q, np.diff(log.v, axis=0) / dt + g)
     u_mids = thrust_mids @ vehicle.mixer.T
     if log.a is None:
         s, f = from_v, u_mids[:, 0]
@@ -475,10 +470,8 @@ def _channels(
     al = np.diff(log.w, axis=0) / dt
     torque = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T) - u_mids[:, 1:]
     e_v = attitude.rotate_back(mids.q, np.diff(log.p, axis=0) / dt - mids.x[:, V])
-    turn = (
-        attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:])) / dt
-    )
-    return force, np.concatenate([torque, e_v, e_a, turn - w], axis=1)
+    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:]))
+    return force, np.concatenate([torque, e_v, e_a, turn / dt - w], axis=1)
 
 
 def long_enough(logs: Sequence[FlightLog]) -> tuple[list[FlightLog], tuple[str, ...]]:
@@ -489,9 +482,10 @@ def long_enough(logs: Sequence[FlightLog]) -> tuple[list[FlightLog], tuple[str, 
     kept = [log for log in logs if log.t[-1] - log.t[0] >= LEAST_DURATION]
     if not kept:
         return list(logs), ()
-    short = (log for log in logs if log.t[-1] - log.t[0] < LEAST_DURATION)
     return kept, tuple(
-        f"{log.name}: {log.t[-1] - log.t[0]:.2g} s is too short and left out." for log in short
+        f"{log.name}: {log.t[-1] - log.t[0]:.2g} s is too short and left out."
+        for log in logs
+        if log.t[-1] - log.t[0] < LEAST_DURATION
     )
 
 
@@ -502,11 +496,10 @@ def with_same_readings(logs: Sequence[FlightLog]) -> tuple[list[FlightLog], tupl
     without = [log.name for log in logs if log.a is None]
     if not without or len(without) == len(logs):
         return list(logs), ()
-    said = (
+    return [dc.replace(log, a=None) for log in logs], (
         f"accelerations are used of no flight: {without[0]} has none. Leave it out to use "
-        f"those of the others."
+        f"those of the others.",
     )
-    return [dc.replace(log, a=None) for log in logs], (said,)
 
 
 def require_alike(who: str, logs: Sequence[FlightLog]) -> None:

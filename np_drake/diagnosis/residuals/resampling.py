@@ -195,8 +195,9 @@ def bridge(values: np.ndarray, outliers: np.ndarray) -> np.ndarray:
     good, bad = np.flatnonzero(~outliers), np.flatnonzero(outliers)
     after = np.searchsorted(good, bad)
     low, high = good[np.maximum(after - 1, 0)], good[np.minimum(after, len(good) - 1)]
-    share = np.where(high > low, (bad - low) / np.maximum(high - low, 1), 0.0)
-    share = share.reshape(-1, *[1] * (values.ndim - 1))
+    share = np.where(high > low, (bad - low) / np.maximum(high - low, 1), 0.0).reshape(
+        -1, *[1] * (values.ndim - 1)
+    )
     out = values.copy()
     out[bad] = (1 - share) * values[low] + share * values[high]
     return out

@@ -78,8 +78,11 @@ class Rotors:
         """Return the effects of the vehicle file that thrust has yet to pass: its lag, unless there
         are others.
         """
-        own = in_flight(self._vehicle, measured=self._measured, beside=others)
-        chain = [e for e in own if isinstance(e, ActuatorEffect)]
+        chain = [
+            e
+            for e in in_flight(self._vehicle, measured=self._measured, beside=others)
+            if isinstance(e, ActuatorEffect)
+        ]
         lag = 0.0 if self._measured or others else self._vehicle.rotor_time_constant
         uneven = any(isinstance(e, MotorLag) for e in chain)
         return [MotorLag(lag), *chain] if lag > 0 and not uneven else chain
@@ -92,10 +95,8 @@ class Rotors:
     @cached_property
     def _nominal(self) -> np.ndarray:
         """(m, 4) thrust of the vehicle as its file describes it, at substeps [N]."""
-        if self._steps or not self._measured:
-            asked = self._held(0.0)
-        else:
-            asked = Signal(self._row_t, self._read[0]).linear(self._t)
+        smooth = self._measured and not self._steps
+        asked = Signal(self._row_t, self._read[0]).linear(self._t) if smooth else self._held(0.0)
         return self._respond(asked, self._own([]))
 
     def _mean(self, thrust: np.ndarray) -> np.ndarray:

@@ -72,7 +72,6 @@ def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instant
     dt, step = np.diff(log.t)[:, None], log.step
     t_mid = 0.5 * (log.t[1:] + log.t[:-1])
     al = low_pass(np.diff(log.w, axis=0) / dt, step, REGRESSOR_BAND)
-    al_rows = Signal(t_mid, al).linear(log.t)
     x = np.concatenate([log.p, smooth, log.v, log.w], axis=1)
     x_mid = 0.5 * (x[1:] + x[:-1])
     x_mid[:, Q] /= np.linalg.norm(x_mid[:, Q], axis=1, keepdims=True)
@@ -82,7 +81,10 @@ def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instant
         mids = Instants(t_mid, x_mid, a, al)
         return mids, mids
     a = low_pass(_corrected_acceleration(log.t, log.p, log.a), step, REGRESSOR_BAND)
-    return Instants(log.t, x, a, al_rows), Instants(t_mid, x_mid, a[:-1], al)
+    return (
+        Instants(log.t, x, a, Signal(t_mid, al).linear(log.t)),
+        Instants(t_mid, x_mid, a[:-1], al),
+    )
 
 
 def low_pass(values: np.ndarray, step: float, band: float, pad: float = 2.0) -> np.ndarray:

@@ -69,8 +69,7 @@ class TriedOnsets:
         """
         dense = np.interp(self.inside, self.rows, profile)
         weight = np.exp(dense - dense.max())
-        step = self._flight.t[1] - self._flight.t[0]
-        width = max(1, round(SPAN / step))
+        width = max(1, round(SPAN / (self._flight.t[1] - self._flight.t[0])))
         mass = (
             np.convolve(weight, np.ones(width), "valid")
             if width < len(weight)
@@ -128,8 +127,8 @@ class OnsetScan:
         self._flights: dict[str, SwitchedRegressors] = {}
         self._inside: dict[str, np.ndarray] = {}  # rows that may be onsets
         for e in problem.flights:
-            columns = [np.zeros((*e.y.shape, 0)), *(c.columns[e.name] for c in chosen)]
-            B = np.concatenate(columns, axis=-1)
+            none = np.zeros((*e.y.shape, 0))
+            B = np.concatenate([none, *(c.columns[e.name] for c in chosen)], axis=-1)
             flight = SwitchedRegressors(e, problem.noise, e.y, B, scale)
             self._products[np.ix_(*[[*flight.at, size]] * 2)] += flight.products
             late, early = flight.t > flight.t[0] + edge, flight.t < flight.t[-1] - edge
@@ -194,8 +193,8 @@ class OnsetScan:
             # [i, j]: of the rows from boundary i to boundary j.
             precision, product = 1.0 + XX[:, None] - XX, Xy[:, None] - Xy
             gain = 0.5 * (product**2 / precision - np.log(np.maximum(precision, 1.0)))
-            step = flight.t[1] - flight.t[0]
-            gain[(rows - rows[:, None]) * step < self._edge] = -np.inf
+            spans = (rows - rows[:, None]) * (flight.t[1] - flight.t[0])
+            gain[spans < self._edge] = -np.inf
             gain[1:] -= self._cost
             best, before = np.zeros(len(rows)), np.zeros(len(rows), int)
             for j in range(1, len(rows)):
@@ -216,8 +215,8 @@ class OnsetScan:
         for name, flight in self._flights.items():
             barred = np.ones(len(flight.t) + 1, bool)
             barred[[0, *self._inside[name], -1]] = False
-            XX, Xy = self._left(name, candidate)
-            _, following = ordered_changes(XX, Xy, sizes, self._cost, barred)
+            left = self._left(name, candidate)
+            _, following = ordered_changes(*left, sizes, self._cost, barred)
             found[name] = times_of_changes(np.append(flight.t, NEVER), following, 0)
         return found
 
@@ -252,19 +251,18 @@ class OnsetScan:
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
                 profile = self._evidence(scan.sums, rest)
-                if len(profile):
-                    scan.refine(profile)
-                    profile = self._evidence(scan.sums, rest)
-                start, never = self._evidence(scan.ends, rest).tolist()
-                others = any(s.begins for n, s in scans.items() if n != name)
-                may_lack = others and name in self._go_on
                 # The log width of the profile's peak, in shares of the flight.
                 widths[name] = -np.inf
                 if len(profile):
-                    rows = scan.rows.astype(float)
-                    width = np.gradient(rows) if len(rows) > 1 else np.ones(1)
-                    share = float(np.exp(profile - profile.max()) @ width) / len(scan.inside)
-                    widths[name] = math.log(share)
+                    scan.refine(profile)
+                    profile = self._evidence(scan.sums, rest)
+                    width = np.gradient(scan.rows.astype(float)) if len(scan.rows) > 1 else [1.0]
+                    area = float(np.exp(profile - profile.max()) @ width)
+                    widths[name] = math.log(area / len(scan.inside))
+                start, never = self._evidence(scan.ends, rest).tolist()
+                may_lack = name in self._go_on and any(
+                    s.begins for n, s in scans.items() if n != name
+                )
                 best = float(profile.max(initial=-np.inf)) + (prior + widths[name])
                 never += prior if may_lack else 0.0
                 if best - max(start, never) > LEAST_GAIN:
@@ -280,10 +278,10 @@ class OnsetScan:
         onset: dict[str, float | None] = {
             name: scan.onset for name, scan in scans.items() if scan.onset is not None
         }
-        begin = [widths[name] for name in onset if scans[name].begins]
+        prior = sum(widths[name] for name in onset if scans[name].begins) + prior * len(onset)
         all_of = ([getattr(scan, at) for scan in scans.values()] for at in ("now", "start"))
         now, start = (float(self._evidence(first, rest)[0]) for first, *rest in all_of)
-        return Onsets(onset, sum(begin) + prior * len(onset), now - start, now)
+        return Onsets(onset, prior, now - start, now)
 
     def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
         """Return (n,) the log evidence with these sums of one flight, each with those of the
@@ -299,9 +297,9 @@ class OnsetScan:
         # the rest.
         known = beside @ covariance
         cross = X @ known[:, at].T
-        flat = X.reshape(X.shape[0] * X.shape[1], X.shape[2])
-        within = (flat @ covariance[np.ix_(at, at)]).reshape(X.shape)
-        explained = within @ np.swapaxes(X, 1, 2) + cross + np.swapaxes(cross, 1, 2)
+        flat = X.reshape(X.shape[0] * X.shape[1], X.shape[2]) @ covariance[np.ix_(at, at)]
+        within = flat.reshape(X.shape) @ np.swapaxes(X, 1, 2)
+        explained = within + cross + np.swapaxes(cross, 1, 2)
         A = XX + np.eye(XX.shape[1]) - explained - known @ beside.T
         b = Xy - X @ self.mean[at] - beside @ self.mean
         if b.shape[1] == 1:  # most effects
@@ -369,11 +367,8 @@ def _in_steps(
     every = [scan.mean[-at[-1].stop :][own] for own in at]
     most = max(map(len, every))
     sizes = np.mean([own for own in every if len(own) == most], axis=0).tolist()
-    while len(sizes) > 1:
-        steps = np.abs(np.diff(sizes))
-        k = int(np.argmin(steps))
-        if steps[k] >= least:
-            break
+    while len(sizes) > 1 and np.min(np.abs(np.diff(sizes))) < least:
+        k = int(np.argmin(np.abs(np.diff(sizes))))
         sizes[k : k + 2] = [0.5 * (sizes[k] + sizes[k + 1])]
     return sizes, scan.changes(weight, sizes)
 
@@ -387,8 +382,7 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     Steps that no model has yet are in the slow noise, which would hide them: white noise does not.
     """
     flights, options = problem.flights, problem.options
-    white = scale_only([problem.noise.rms[None]], problem.noise.step)
-    problem = problem.extended([], white)
+    problem = problem.extended([], scale_only([problem.noise.rms[None]], problem.noise.step))
     plain = [c for c in problem.candidates if not c.onset]
     weights = [c for own in ((PAYLOAD,), WEIGHTS[0]) for c in plain if c.identifiers == own]
     if PAYLOAD in hidden_from(flights) or not weights:
@@ -399,8 +393,8 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
         if c.size <= MOST_COLUMNS and not c.onset and PAYLOAD not in c.identifiers
     ]
     (unit,) = weights[0].terms(np.eye(weights[0].size)[0])
-    least = options.materiality.force * flights[0].vehicle.mass
-    least /= next(iter(unit.effect.values.values()))  # [kg]
+    heavy = next(iter(unit.effect.values.values()))
+    least = options.materiality.force * flights[0].vehicle.mass / heavy  # [kg]
     sizes, changes = _in_steps(problem, weights[0], acting, least)
     if len(sizes) > 1 + MOST_CHANGES:
         return []
@@ -414,7 +408,7 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
         late = int(loads[0] == 0.0)
         if len(kept) <= late:  # nothing changes after the begin
             continue
-        onset: Onset = {n: min(own) for n, own in times.items()} if late else {}
+        onset: Onset = {n: min(own) for n, own in times.items() if late}
         onset |= {e.name: NEVER for e in flights if e.earlier}
         later = {n: own[late:] for n, own in times.items()}
         base, *rest = [loads[0], *loads[1:][kept]][late:]
@@ -424,10 +418,11 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
         if followed:
             guess, candidate = followed[0]
             onset = search.when(problem.noise, problem.nuisance, guess)
-            payload = payload_about(flights, dc.replace(guess, onset=onset), options.priors)
+            guess = dc.replace(guess, onset=onset)
+            sharp = payload_about(flights, guess, options.priors).candidate(flights)
             begun = sum(t != NEVER for own in times.values() for t in own)
             prior = begun * (options.priors.onset - math.log(max(len(e.t) for e in flights)))
-            sharp = payload.candidate(flights)
+
             found.append(dc.replace(sharp, log_prior=candidate.log_prior, onset_prior=prior))
     return found
 
@@ -447,16 +442,18 @@ def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
     weights = [c for c in plain if c.identifiers in WEIGHTS]
     for c in [c for c in plain if c.identifiers == (PAYLOAD,)][:1]:
         # Its mass and hook alone, as if its swing were known.
-        at_rest = {n: X[..., :AT_REST] for n, X in c.columns.items()}
-        weights.insert(0, dc.replace(c, columns=at_rest))
-    heavy = [f for f in map(scan.best, weights) if f.onset]
-    heavy = [f for f in heavy if f.gain + f.prior > options.priors.onset_gain]
+        weights.insert(
+            0, dc.replace(c, columns={n: X[..., :AT_REST] for n, X in c.columns.items()})
+        )
+    least, every = options.priors.onset_gain, map(scan.best, weights)
+    heavy = [f for f in every if f.onset and f.gain + f.prior > least]
     if not heavy:
         return []
     found = max(heavy, key=lambda f: f.evidence + f.prior)
     unlike = [c for c in late if c.onset != found.onset]  # what begins when it does stands for it
-    every = (*problem.candidates, *unlike)
-    others = [c for c in every if c.size <= 3 and PAYLOAD not in c.identifiers]
+    others = [
+        c for c in (*problem.candidates, *unlike) if c.size <= 3 and PAYLOAD not in c.identifiers
+    ]
     first = PayloadSearch(problem.flights, options, found.onset)
     guesses = [guess for guess, _ in first.followed(noise, nuisance, others)]
     if not guesses:
@@ -482,8 +479,11 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
     earlier flights is what is asked, and costs no prior.
     """
     found, flights = list[Candidate](), problem.flights
-    plain = [c for c in problem.candidates if len(c.identifiers) == 1 and not c.onset]
-    known = [(c, effect_of(c.identifiers[0])) for c in plain if not c.generic]
+    known = [
+        (c, effect_of(c.identifiers[0]))
+        for c in problem.candidates
+        if len(c.identifiers) == 1 and not c.onset and not c.generic
+    ]
     begin = [c for c, effect in known if effect.begins and not effect.has_hidden_state]
     changes = [c for c in begin if not _unchanged(c)]
     changes += [c for c, effect in known if effect.role == "change"]
@@ -493,8 +493,8 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
             continue
         lacking: dict[str, float | None] = dict.fromkeys(names, NEVER)
         begun = changes if names == earlier else begin
-        late = [switched(c, flights, lacking) for c in begun]
-        late += wind_candidates(flights, begin, lacking)
+        winds = wind_candidates(flights, begin, lacking)
         prior = problem.options.priors.onset * len(lacking) if names != earlier else 0.0
+        late = (*(switched(c, flights, lacking) for c in begun), *winds)
         found += [dc.replace(c, onset_prior=prior) for c in late]
     return found

@@ -91,11 +91,8 @@ def condition(
     noise = noise_of(flights, residual, channels, options, error)
     alone = RegressionProblem(flights, noise, [], plain, temperature=1.0, options=options)
     others = [plain[i] for i in _best_variants(alone)]
-    residual = _residuals_of_all_effects(problem(white, others))
-    weights = (
-        white,
-        scale_only(no_worse(residual, channels), step),
-    )  # a light payload shows in the second alone
+    left = no_worse(_residuals_of_all_effects(problem(white, others)), channels)
+    weights = (white, scale_only(left, step))  # a light payload shows in the second alone
     search = PayloadSearch([e for e in flights if not e.earlier], options)
     tried = () if PAYLOAD in hidden_from(flights) else weights
     followed = next(filter(None, (search.followed(n, nuisance, others) for n in tried)), [])
@@ -135,9 +132,10 @@ def noise_of(
     slow = np.zeros(channels[0].shape[1])
     slow[FORCE] = options.tolerance.attitude * force
     white = np.sqrt(np.mean([e.rotor_noise**2 for e in flights], axis=0))
-    step = flights[0].grid.step
     left = no_worse(residuals, list(channels))
-    noise = fit_noise(left, step, explained=explained, inexact=inexact, slow=slow, white=white)
+    noise = fit_noise(
+        left, flights[0].grid.step, explained=explained, inexact=inexact, slow=slow, white=white
+    )
     if not flights[0].measured_rotors:
         return noise
     return with_loudness(noise, [r - r.mean(axis=0) for r in left], [e.name for e in flights])
@@ -209,8 +207,9 @@ def find_map_model(
         known = [*of.candidates, *hung]
         begun = [c for c in acting if c.onset and not any(c is other for other in known)]
         problem = of.extended([*hung, *begun], noise)
-        members = [i for i, c in enumerate(problem.candidates) if any(c is a for a in acting)]
-        scan = OnsetScan(problem, members)
+        scan = OnsetScan(
+            problem, [i for i, c in enumerate(problem.candidates) if any(c is a for a in acting)]
+        )
         late = switched_candidates(scan)
         if first:
             hung = [*late_payloads(scan, late), *changing_payloads(problem)]
@@ -240,8 +239,11 @@ def search(problem: RegressionProblem) -> list[Model]:
 
     def with_one_more(members: tuple[int, ...], but: tuple[int, ...]) -> set[tuple[int, ...]]:
         """Return the sets of these members and one candidate, but not these."""
-        more = ((*members, i) for i in range(len(problem.candidates)) if i not in but)
-        return {tuple(sorted(m)) for m in more if problem.fits_together(m)}
+        return {
+            tuple(sorted((*members, i)))
+            for i in range(len(problem.candidates))
+            if i not in but and problem.fits_together((*members, i))
+        }
 
     layer: list[tuple[int, ...]] = [()]
     for _ in range(MOST_EFFECTS):
@@ -253,8 +255,7 @@ def search(problem: RegressionProblem) -> list[Model]:
         kept: dict[tuple[str, ...], tuple[int, ...]] = {}
         for members in sorted(grown, key=lambda m: (-seen[m], m)):
             if len(kept) < BEAM:
-                names = (name for i in members for name in problem.candidates[i].identifiers)
-                kept.setdefault(tuple(sorted(names)), members)
+                kept.setdefault(names_of(problem, Model(members, seen[members])), members)
         layer = list(kept.values())
         if seen[layer[0]] < max(seen.values()) - BEAM_MARGIN:
             break
@@ -338,8 +339,10 @@ def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[
     def trace(names: Sequence[str]) -> float:
         """Return the whitened size of what these effects leave in the flights."""
         rest = [t for t in every if t.effect.identifier not in names]
-        left = [predicted_residual(e, every) - predicted_residual(e, rest) for e in flights]
-        white = [e.white(problem.noise, part) for e, part in zip(flights, left, strict=True)]
+        white = (
+            e.white(problem.noise, predicted_residual(e, every) - predicted_residual(e, rest))
+            for e in flights
+        )
         return float(np.sqrt(sum(np.sum(w**2) for w in white)))
 
     effects = {i: problem.candidates[i].identifiers for i in model.members}
@@ -348,8 +351,9 @@ def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[
     shifting = [i for i, names in effects.items() if effect_of(names[0]).shifts_commands]
     lesser = sorted(shifting, key=lambda i: own[i])[:-1]
     faint = [i for i in model.members if own[i] < NEGLIGIBLE * whole or i in lesser]
-    together = [tuple(faint), tuple(shifting if lesser else [])]
-    dropped = dict.fromkeys([*together, *((i,) for i in faint)])
+    dropped = dict.fromkeys(
+        [tuple(faint), tuple(shifting if lesser else []), *((i,) for i in faint)]
+    )
     kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
     return [Model(members, problem.score(members)) for members in kept if members]
 

@@ -197,24 +197,27 @@ def payload_about(
     guess = dc.replace(guess, effect=SuspendedPayload.of(values), loads=loads)
     shapes, widths = list[Term](), list[float]()
     if shaped:
-        longer, braked = values["length"] * (1 + SMALL), values["damping"] + SMALL
-        for change in ({"length": longer}, {"damping": braked}):
-            shapes.append(dc.replace(guess, effect=SuspendedPayload.of({**values, **change})))
+        longer = {**values, "length": values["length"] * (1 + SMALL)}
+        braked = {**values, "damping": values["damping"] + SMALL}
+        shapes = [dc.replace(guess, effect=SuspendedPayload.of(own)) for own in (longer, braked)]
         widths = [priors.length, priors.damping]
     rate, own = math.sqrt(flights[0].vehicle.gravity / values["length"]), {}
     for e in flights:
         size = hidden_size(e, guess.begins(e.name)) if shaped else STATE
         swing = padded(guess.hidden.get(e.name), size)
-        moves = SMALL * np.diag(swing_units(size, rate))
-        swung = [dc.replace(guess, hidden={e.name: swing + move}) for move in moves]
+        swung = [
+            dc.replace(guess, hidden={e.name: swing + move})
+            for move in SMALL * np.diag(swing_units(size, rate))
+        ]
         wrench = swing_wrenches(e, [guess, *shapes, *swung])
         rest, moved = wrench[:, :1], wrench[:, 1:]
         X = np.zeros((len(wrench), AT_REST + moved.shape[1], 6))
         X[:, :1] = rest
         # A hook acts on the torque alone, to first order.
         X[:, 1:AT_REST, TORQUE] = np.cross(priors.hook * np.eye(3), rest[..., FORCE])
-        scale = np.array([*widths, *[priors.swing] * size]) / SMALL
-        X[:, AT_REST:] = (moved - rest) * scale[:, None]
+        X[:, AT_REST:] = (moved - rest) * (
+            np.array([*widths, *[priors.swing] * size])[:, None] / SMALL
+        )
         own[e.name] = np.swapaxes(X, 1, 2) * e.shown[:, None]
     return PayloadColumns(guess, own, rate, priors, shaped)
 
@@ -247,8 +250,9 @@ class OtherRegressors:
         self._white = []
         for e in flights:
             y = e.y[:, :CHANNELS, None]
-            own = [c.columns[e.name][: len(y), :CHANNELS] for c in every]
-            X = np.concatenate([y[..., :0], *own], axis=-1)
+            X = np.concatenate(
+                [y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in every)], axis=-1
+            )
             acting = np.flatnonzero(X.any(axis=(0, 1)))
             self._white.append((self._flat(e, X[..., acting]), self._flat(e, y)[:, 0], acting))
         self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_outliers()))})
@@ -270,8 +274,11 @@ class OtherRegressors:
         """Seconds after the payload's begin by which a jump shows, those that are close to one
         another once.
         """
-        found = [(e, k) for e in self._flights for k in jumps(e, self._onset.get(e.name))]
-        ends = sorted(float(e.t[k] - self._begin(e) + AFTER_OUTLIER) for e, k in found)
+        ends = sorted(
+            float(e.t[k] - self._begin(e) + AFTER_OUTLIER)
+            for e in self._flights
+            for k in jumps(e, self._onset.get(e.name))
+        )
         later = [*ends[1:], math.inf]
         return [end for end, following in zip(ends, later, strict=False) if following - end > 1.0]
 
@@ -454,13 +461,13 @@ class PayloadSearch:
             payload = payload_about(self._flights, guess, self._priors, shaped=False)
             for horizon in ENDS:
                 for alone, gram in zip((False, True), beside.grams(payload, horizon), strict=True):
-                    gain = payload.log_prior + gram.log_evidence(np.arange(payload.size))
-                    gains[alone, horizon].append(gain)
+                    evidence = gram.log_evidence(np.arange(payload.size))
+                    gains[alone, horizon].append(payload.log_prior + evidence)
         return {asked: np.array(profile) for asked, profile in gains.items()}
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Term) -> Onset:
         """Return sharpened onsets [s] of a payload like the guess, its swing free."""
-        found, priors = dict(self._onset), self._priors
+        found = dict(self._onset)
 
         def best_about(e: FlightResiduals, near: float, span: float, step: float) -> float:
             """Return the best instant of one flight within `span` of `near` [s]."""
@@ -471,7 +478,7 @@ class PayloadSearch:
             for t in times:
                 payload = dc.replace(guess, onset={e.name: t}, hidden={})
                 for _ in range(1 + STEPS):
-                    columns = payload_about(head, payload, priors)
+                    columns = payload_about(head, payload, self._priors)
                     gain, mean = beside.gain(columns, horizon)
                     payload = columns.moved(mean)
                 gains.append(gain)
@@ -514,9 +521,8 @@ class PayloadSearch:
                 new_gain, new_mean = beside.gain(new, horizon, alone=alone)
                 if new_gain < gain and horizon == math.inf:
                     break
-                done = abs(new_gain - gain) < 0.5
-                payload, gain, mean = new, new_gain, new_mean
-                if done:
+                before, payload, gain, mean = gain, new, new_gain, new_mean
+                if abs(gain - before) < 0.5:
                     break
             if gain < LOST:
                 return None
