@@ -57,11 +57,13 @@ def write_page(
         "agreement": agreement_figure(found, each) if each else None,
         "residuals": residual_figure(rows) if rows else None,
     }
-    shown = content(found, rows, each)
-    shown |= {"thirds": thirds, "warnings": [*traded(found), *doubts(found), *warnings]}
-    sections = [Section(TEMPLATE, shown)]
+    shown = {
+        **content(found, rows, each),
+        "thirds": thirds,
+        "warnings": [*traded(found), *doubts(found), *warnings],
+    }
     return page.write_page(
-        folder / PAGE, f"Identification · {found.prior.name}", sections, pictures
+        folder / PAGE, f"Identification · {found.prior.name}", [Section(TEMPLATE, shown)], pictures
     )
 
 
@@ -233,14 +235,19 @@ def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
 
 def summary(found: Identification) -> list[str]:
     """Return what a reader must know, a sentence each."""
-    lines = [headline(found)]
-    lines += [
-        f"not told: {', '.join(titles(found, names))}; {way} would tell"
-        for way, names, _ in not_told(found)
+    lines = [
+        headline(found),
+        *(
+            f"not told: {', '.join(titles(found, names))}; {way} would tell"
+            for way, names, _ in not_told(found)
+        ),
+        *traded(found),
+        *(
+            f"not told: {q.title}"
+            for q in found.quantities
+            if not q.told and not q.quantity.manoeuvre
+        ),
     ]
-    lines += traded(found)
-    silent = (q.title for q in found.quantities if not q.told and not q.quantity.manoeuvre)
-    lines += [f"not told: {name}" for name in silent]
     if differing := differences([*own_values(found), *flight_values(found)]):
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
     return [*lines, *(f"doubted: {doubt}" for doubt in doubts(found))]
@@ -325,8 +332,7 @@ def interval_figure(found: Identification) -> Figure:
         value, *ends = (place_in_prior(q, v) for v in (q.value, q.low, q.high))
         colour = TOLD if q.told else OTHER
         ax.hlines(place, -1, 1, color=PRIOR, linewidth=9, label="prior, 95 %", zorder=1)
-        reach = np.clip(ends, -REACH, REACH)
-        ax.plot(reach, [place, place], color=colour, linewidth=2.4, zorder=2)
+        ax.plot(np.clip(ends, -REACH, REACH), [place, place], color=colour, linewidth=2.4, zorder=2)
         ax.plot(
             np.clip(value, -REACH, REACH),
             place,

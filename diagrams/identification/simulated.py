@@ -132,8 +132,7 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     told = published_priors()
     xx = mass * arm**2 * drawn(told.inertia)
     yy = xx * drawn(told.inertia_pitch)
-    zz = (xx + yy) * min(drawn(told.inertia_yaw), 0.98)
-    J = np.diag([xx, yy, zz])
+    J = np.diag([xx, yy, (xx + yy) * min(drawn(told.inertia_yaw), 0.98)])
     for i, j in ((0, 1), (0, 2), (1, 2)):
         J[i, j] = J[j, i] = -0.5 * (xx + yy) * spread(0.0, 0.02)
     gains = 1.0 + np.array([spread(0.0, 0.02) for _ in range(4)])
@@ -237,8 +236,9 @@ def _as_logged(
     """Return a flight as the sensors of the vehicle log it."""
     v, g = truth.vehicle, np.array([0.0, 0.0, G])
     # The accelerometer averages over the interval after a row: the change of its velocity.
-    velocity = exact.v + attitude.rotate(exact.q, np.cross(exact.w, truth.imu))
-    force = force_between(exact.t, exact.q, velocity)
+    force = force_between(
+        exact.t, exact.q, exact.v + attitude.rotate(exact.q, np.cross(exact.w, truth.imu))
+    )
     force = np.concatenate([force, force[-1:]])
     moved = dc.replace(exact, a=attitude.rotate(exact.q, force) - g)
     log = with_sensor_noise(moved, v, quality, rng)
@@ -255,8 +255,7 @@ def _as_logged(
     if truth.input == "command":
         return dc.replace(log, rotor=None)
     sagging = truth.cells * (np.linspace(4.0, 3.5, len(log)) + 0.02 * rng.normal())
-    wanted = np.maximum(log.u @ v.unmixer.T, 0.0)
-    throttle = truth.throttle.throttle(wanted, sagging[:, None])
+    throttle = truth.throttle.throttle(np.maximum(log.u @ v.unmixer.T, 0.0), sagging[:, None])
     return dc.replace(log, rotor=None, throttle=throttle, voltage=sagging, input="normalised")
 
 
@@ -352,8 +351,9 @@ def pooled_lines(results: Sequence[Line]) -> list[Line]:
             line = {"input": kind, "vehicles": len(own), "refused": sum(r["refused"] for r in own)}
             for air, key in ((False, "vehicle"), (True, "air")):
                 line[key], line[f"{key}_ci95"], line[f"{key}_told"] = _covered(own, air)
-            spent = float(np.median([r["processor_time"] for r in own]))
-            lines.append(line | {"processor_time": spent})
+            lines.append(
+                line | {"processor_time": float(np.median([r["processor_time"] for r in own]))}
+            )
     return lines
 
 
@@ -393,8 +393,9 @@ def run(
         {"seed": run.seed + number, "kind": INPUTS[number % len(INPUTS)]}
         for number in range(vehicles)
     ]
-    work = partial(identified, **flown)
-    records = run.cases("identifying", "vehicles", work, cases, config=flown)
+    records = run.cases(
+        "identifying", "vehicles", partial(identified, **flown), cases, config=flown
+    )
     require_result(records)
     results = [{**r["case"], **r["result"]} for r in records if "result" in r]
     pooled, each = pooled_lines(results), quantity_lines(results)

@@ -49,10 +49,10 @@ CHANGES = (
 def changed(truth: Truth, kind: str, rng: np.random.Generator) -> tuple[Truth, Change]:
     """Return the vehicle after a change of a kind of `CHANGES`, and the change."""
     v, change, parts = truth.vehicle, Change(), kind.split(", ")
-    scale = dict.fromkeys(SIZES, 1.0)
-    for part in (part for part in SIZES if part in parts):
-        scale[part] += float(rng.choice([-1.0, 1.0]) * rng.uniform(*SIZES[part]))
-    thrust, torque, mass = scale.values()
+    thrust, torque, mass = (
+        1.0 + float(rng.choice([-1.0, 1.0]) * rng.uniform(*sizes)) if part in parts else 1.0
+        for part, sizes in SIZES.items()
+    )
     if "thrust" in parts:
         change[ThrustScale.identifier] = {"scale": thrust}
     if "torque over thrust" in parts:
@@ -138,8 +138,11 @@ def diagnosed(case: Case, *, seconds: float) -> dict[str, Any]:
     Raises: FailedRun: if no vehicle of this seed can be flown.
     """
     truth, change, before, since = flown(**case, seconds=seconds)
-    found = diagnose(truth.known, since[:TRAIN], since[TRAIN:], before=before)
-    return {"mass": truth.vehicle.mass, "true": change, **verdict(found, change)}
+    return {
+        "mass": truth.vehicle.mass,
+        "true": change,
+        **verdict(diagnose(truth.known, since[:TRAIN], since[TRAIN:], before=before), change),
+    }
 
 
 def verdict(found: Diagnosis, change: Change) -> dict[str, Any]:
@@ -157,10 +160,14 @@ def verdict(found: Diagnosis, change: Change) -> dict[str, Any]:
         abs(one.value - true) <= CLOSE * abs(true - neutral) or one.ci95[0] <= true <= one.ci95[1]
         for one, true, neutral in sizes
     )
-    said = {
-        name: {p: (e.value, *e.ci95) for p, e in c.parameters.items()} for name, c in causes.items()
+    return {
+        "named": named,
+        "right": right,
+        "causes": {
+            name: {p: (e.value, *e.ci95) for p, e in c.parameters.items()}
+            for name, c in causes.items()
+        },
     }
-    return {"named": named, "right": right, "causes": said}
 
 
 def table_rows(results: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
@@ -196,9 +203,8 @@ def run(
         f"{run.seed} … {run.seed + pairs - 1}"
     )
     columns = [f"{file}: {what}" for file in FILES for what in ("named", "size right too")]
-    header = ["changed", "vehicles", *columns]
     return Report(
-        [(title, header, table_rows(results))],
+        [(title, ["changed", "vehicles", *columns], table_rows(results))],
         config={"pairs": pairs, "seconds": seconds},
         metrics={"runs": records},
         notes=failures(records),

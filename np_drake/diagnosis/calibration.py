@@ -114,14 +114,20 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
         tilt = {
             axis: stated("calibration.imu_tilt", SPREAD.mounting, i) for i, axis in enumerate(AXES)
         }
-        latency = {"latency": SPREAD.latency}
-        found += [Deviation(ImuMounting, tilt), Deviation(AttitudeLatency, latency)]
+        found += [
+            Deviation(ImuMounting, tilt),
+            Deviation(AttitudeLatency, {"latency": SPREAD.latency}),
+        ]
     if e.log.a is not None:
-        offset = dict.fromkeys("xyz", SPREAD.accelerometer_offset)
-        found.append(Deviation(AccelerometerBias, offset))
+        found.append(
+            Deviation(AccelerometerBias, dict.fromkeys("xyz", SPREAD.accelerometer_offset))
+        )
     if not e.measured_rotors:
-        delay = stated("calibration.command_delay", SPREAD.command_time)
-        found.append(Deviation(CommandDelay, {"delay": delay}))
+        found.append(
+            Deviation(
+                CommandDelay, {"delay": stated("calibration.command_delay", SPREAD.command_time)}
+            )
+        )
         lags = SPREAD.lags if "rotor_time_constant" not in vehicle.intervals else ()
         found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
     return found
@@ -154,21 +160,22 @@ def of_flight(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
     for effect, least in zip(SENSORS, usual, strict=True):
         error = max(tolerance.of(effect), least * tolerance.unmeasured)
         if effect is not AccelerometerBias or e.log.a is not None:
-            names = [p.name for p in effect.parameters]
-            found.append(Deviation(effect, dict.fromkeys(names, error)))
+            found.append(Deviation(effect, {p.name: error for p in effect.parameters}))
     if not tolerance.unmeasured:
         return [*found, *of_battery(e)]
-    trim = {"efficiency": SPREAD.rotor_trim}
-    found += [Deviation(WeakRotor, trim, {"rotor": i}) for i in ROTORS]
+    found += [Deviation(WeakRotor, {"efficiency": SPREAD.rotor_trim}, {"rotor": i}) for i in ROTORS]
     if e.earlier:
         # How much of the torque the motion hides goes with noise and liveliness of the flight: a
         # change since is told by what it shows.
         hidden = {axis: 1.0 - gain for axis, gain in zip(AXES, e.torque_gain, strict=True)}
         share = {axis: SPREAD.torque_share * part for axis, part in hidden.items() if part > 0}
         found += [Deviation(MixerGain, share)] if share else []
-    known = {"scale": SPREAD.known_charge}, {"rate": SPREAD.known_sag}
     return found + (
-        of_battery(e) or [Deviation(*pair) for pair in zip(BATTERY, known, strict=True)]
+        of_battery(e)
+        or [
+            Deviation(BATTERY[0], {"scale": SPREAD.known_charge}),
+            Deviation(BATTERY[1], {"rate": SPREAD.known_sag}),
+        ]
     )
 
 
@@ -191,8 +198,10 @@ def of_battery(e: FlightResiduals) -> list[Deviation]:
         # Flights that agree tell that thrust over throttle scatters less: inverse gamma.
         squares = FREEDOM * charge**2 + known.scatter
         charge = float(np.sqrt(squares / (FREEDOM + known.freedom)))
-    scale = float(np.hypot(charge, away))
-    return [Deviation(BATTERY[0], {"scale": scale}), Deviation(BATTERY[1], {"rate": sag})]
+    return [
+        Deviation(BATTERY[0], {"scale": float(np.hypot(charge, away))}),
+        Deviation(BATTERY[1], {"rate": sag}),
+    ]
 
 
 # Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the
@@ -272,8 +281,9 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     """Return the effects of the vehicle's calibration, without those of sensors, for a
     simulator.
     """
-    every = [t.effect for t in fit.calibration]
-    found: list[Effect] = [f for f in every if not isinstance(f, SensorEffect)]
+    found: list[Effect] = [
+        t.effect for t in fit.calibration if not isinstance(t.effect, SensorEffect)
+    ]
     if not fit.calibrated:
         return found
     # A share of all torque is shown as if the inertia were larger.
@@ -298,9 +308,12 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
 
 def file_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
     """Return what every vehicle may differ by from its file, a candidate an effect."""
-    every = [[d] for d in file_deviations(flights[0].vehicle, tolerance)]
-    columns = [{e.name: columns_of(e, one, part=1.0) for e in flights} for one in every]
-    return [Candidate((), "calibration", own, lambda c: []) for own in columns]
+    return [
+        Candidate(
+            (), "calibration", {e.name: columns_of(e, [d], part=1.0) for e in flights}, lambda c: []
+        )
+        for d in file_deviations(flights[0].vehicle, tolerance)
+    ]
 
 
 def flight_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
@@ -316,8 +329,9 @@ def flight_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> l
 def errors_of(e: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
     """Return columns (m, 15, k) of what a flight differs by from others of its vehicle."""
     constant = columns_of(e, of_flight(e, tolerance))
-    drift = [drift_columns(e)] if tolerance.unmeasured else []
-    return np.concatenate([constant, *drift], axis=-1)
+    return np.concatenate(
+        [constant, *([drift_columns(e)] if tolerance.unmeasured else [])], axis=-1
+    )
 
 
 def drift_columns(e: FlightResiduals) -> np.ndarray:
@@ -328,8 +342,7 @@ def drift_columns(e: FlightResiduals) -> np.ndarray:
     remembers.
     """
     count = max(2, round((e.t[-1] - e.t[0]) / SPREAD.drift_time) + 1)
-    knots = np.linspace(e.t[0], e.t[-1], count)
-    hats = Signal(knots, np.eye(count)).linear(e.t)
+    hats = Signal(np.linspace(e.t[0], e.t[-1], count), np.eye(count)).linear(e.t)
     moment = SPREAD.torque_drift * e.weight * arm(e.vehicle)
     level = SPREAD.tilt_drift * e.weight
     # As much as a battery sags from knot to knot.
@@ -379,8 +392,7 @@ def _lagged(e: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]:
     others = (torque + e.y[:, TORQUE][:, axis], v_B, e.nominal[:, 2], e.y[:, FORCE])
     signals = np.column_stack([*lagged, *(signal[rows[-1] :] for signal in others)])
     apart = max(1, round(CHANGE / e.grid.step))
-    change = signals[apart:] - signals[:-apart]
-    own, beside = np.split(change, [len(LAGS) + 1], axis=1)
+    own, beside = np.split(signals[apart:] - signals[:-apart], [len(LAGS) + 1], axis=1)
     own = own - beside @ np.linalg.lstsq(beside, own, rcond=None)[0]
     return own[:, :-1], own[:, -1]
 
@@ -502,8 +514,11 @@ def _of_parameters(
     if lags := [k for k, (d, _) in enumerate(every) if d.at_value]:
         d, p = every[lags[-1]]
         lag = dc.replace(d, deviation={p.name: float(np.linalg.norm(size[lags]))})
-        sigma = np.sqrt(covariance[np.ix_(lags, lags)].sum())
-        found.append(_difference(lag, p, value[lags].sum(), sigma, rotors))
+        found.append(
+            _difference(
+                lag, p, value[lags].sum(), np.sqrt(covariance[np.ix_(lags, lags)].sum()), rotors
+            )
+        )
     return found
 
 
@@ -533,5 +548,11 @@ def _difference(
     rotor = rotors[round(d.fixed["rotor"]) - 1] if "rotor" in d.fixed else ""
     unit, text = departure(p, value, rotor, shares=d.effect.shares)
     half, spread = SURE * sigma, float(d.deviation[p.name])
-    ci95 = (float(value - half), float(value + half))
-    return Difference(f"{d.name}.{p.name}", text, float(value), unit or "1", spread, ci95)
+    return Difference(
+        f"{d.name}.{p.name}",
+        text,
+        float(value),
+        unit or "1",
+        spread,
+        (float(value - half), float(value + half)),
+    )

@@ -72,10 +72,9 @@ def file_deviations(vehicle: Vehicle, tolerance: Tolerance) -> list[Deviation]:
     """Return by what every vehicle may differ from its file, with the standard deviations: mass,
     thrust, what its input leaves open, and of a measured vehicle what its intervals state.
     """
-    mass = tolerance.mass * vehicle.mass
     found = [
         Deviation(ThrustScale, {"scale": tolerance.thrust}),
-        Deviation(MassError, {"delta_mass": mass}),
+        Deviation(MassError, {"delta_mass": tolerance.mass * vehicle.mass}),
         Deviation(ThrottleCurve, {"curve": tolerance.throttle_curve}),
         Deviation(ClockOffset, {"offset": tolerance.timing}),
         Deviation(ImuMounting, dict.fromkeys(("roll", "pitch", "yaw"), tolerance.mounting)),

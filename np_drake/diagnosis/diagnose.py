@@ -115,8 +115,7 @@ class Inference:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Where the remainder lives: what is more probable than not."""
-        said = (self.slow, *self.structures)
-        return tuple(s.finding for s in said if s.probability > 0.5)
+        return tuple(s.finding for s in (self.slow, *self.structures) if s.probability > 0.5)
 
 
 def conclude(found: Ranking, held_out: Sequence[FlightResiduals]) -> Inference:
@@ -133,8 +132,7 @@ def conclude(found: Ranking, held_out: Sequence[FlightResiduals]) -> Inference:
         # Gusts do not depend on position alike in all flights.
         every = [*ranking.problem.flights, *(e for e in held.flights if not e.joined.any())]
         rest, begins = residuals_of(ranking, held), dict.fromkeys([e.name for e in every])
-        p_value = position_p_value(every, rest, begins)
-        if p_value < ranking.options.thresholds.position_p_value:
+        if position_p_value(every, rest, begins) < ranking.options.thresholds.position_p_value:
             slow = slow._replace(finding=PLACE)
         else:
             blown = _in_gusts(ranking, linear, structure, held, slow.probability)
@@ -280,8 +278,9 @@ def diagnose(
     train, file = [*before, *train], vehicle
     known = len(before) or len(train)
     since = [*train[known:], *held_out]
-    mapped = with_throttle_map(vehicle, train[:known], since, before=bool(before))
-    vehicle, was, since = with_hover_thrust(vehicle, *mapped)
+    vehicle, was, since = with_hover_thrust(
+        vehicle, *with_throttle_map(vehicle, train[:known], since, before=bool(before))
+    )
     train, held_out = [*was, *since][: len(train)], [*was, *since][len(train) :]
     if vehicle is not file:
         replay = getattr(replay, "of_vehicle", lambda _: replay)(vehicle)
@@ -302,8 +301,9 @@ def diagnose(
         gain = torque_gain(fitted)
         fitted, judging = with_torque_gain(fitted, gain), with_torque_gain(judging, gain)
     if not excited(excitation(fitted)):
-        nothing = unexcited_diagnosis(fitted, judging)
-        return dc.replace(nothing, doubts=doubted, wall=time.perf_counter() - start)
+        return dc.replace(
+            unexcited_diagnosis(fitted, judging), doubts=doubted, wall=time.perf_counter() - start
+        )
 
     # 2. and 3. Sets of effects searched and fitted, rivals ranked, causes decided; 4. report.
     tell(0.1, "effects")
@@ -321,8 +321,11 @@ def diagnose(
         tell(0.7, "what held-out flights show")
         # A wind is a condition of a flight: where none is named, one can act in the halves alone.
         still_air = not any(c.effect and c.effect.needs for c in inference.causes)
-        flights = [*inference.ranking.problem.flights, *halves]
-        found = find_map_model(flights, inference.ranking.options, still_air=still_air)
+        found = find_map_model(
+            [*inference.ranking.problem.flights, *halves],
+            inference.ranking.options,
+            still_air=still_air,
+        )
         refit = _answer(conclude(found, judges), replay, doubted, halves)
         answer = dc.replace(answer, refit=dc.replace(refit, wall=time.perf_counter() - start))
     return dc.replace(answer, wall=time.perf_counter() - start)
@@ -335,8 +338,9 @@ def voltage_change(before: Sequence[FlightLog], since: Sequence[FlightLog]) -> t
     was, now = usual_voltage(before), usual_voltage(since)
     if was is None or now is None or VOLTAGE * abs(np.log(now / was)) < SPREAD.charge:
         return ()
-    volts = [f"{number(value, 3)}{NBSP}V" for value in (was, now)]
-    return (f"battery: {volts[0]} in the flights before, {volts[1]} since",)
+    return (
+        f"battery: {number(was, 3)}{NBSP}V in the flights before, {number(now, 3)}{NBSP}V since",
+    )
 
 
 def novelty(found: Inference) -> tuple[Finding, ...]:
@@ -349,8 +353,9 @@ def novelty(found: Inference) -> tuple[Finding, ...]:
         t.effect.has_hidden_state for t in ranking.best.terms
     ):
         return ()
-    rows = found.held.rows.items()
-    rest = np.concatenate([found.held.residual[name][own, WRENCH] for name, own in rows])
+    rest = np.concatenate(
+        [found.held.residual[name][own, WRENCH] for name, own in found.held.rows.items()]
+    )
     ratios = np.sqrt(np.mean(rest**2, axis=0)) / np.maximum(ranking.noise.rms[WRENCH], 1e-12)
     channel = int(np.argmax(ratios))
     ratio = float(ratios[channel])
@@ -373,8 +378,9 @@ def split_flights(
         if middle - log.t[0] < LEAST_HALF:
             judges.append(e)
             continue
-        rows = log.rows(0, int(np.searchsorted(log.t, middle)))
-        half = dc.replace(rows, name=f"first half of {e.name}")
+        half = dc.replace(
+            log.rows(0, int(np.searchsorted(log.t, middle))), name=f"first half of {e.name}"
+        )
         own = with_fixed_effects(make_flight_residuals(half, e.vehicle, e.grid.step))
         (own,) = with_torque_gain([own], np.array(e.torque_gain))
         halves.append(dc.replace(own, goes_on=True))
@@ -415,9 +421,12 @@ def _answer(
     posterior = joint_posterior(best, causes)
     visible = visible_changes(found.ranking) if before else {}
     if before and not flights[0].knows_torque:
-        was = [e.log for e in flights if e.earlier]
-        now = [e.log for e in (*flights, *judging) if e.name not in own]
-        told = compare_balance(was, now, flights[0].vehicle, options)
+        told = compare_balance(
+            [e.log for e in flights if e.earlier],
+            [e.log for e in (*flights, *judging) if e.name not in own],
+            flights[0].vehicle,
+            options,
+        )
         causes, late = [*causes, *told.causes], [*late, *told.findings]
         visible |= told.visible
     answer = Diagnosis(

@@ -50,8 +50,9 @@ def flight_balance(log: FlightLog, vehicle: Vehicle) -> np.ndarray | None:
     turning = every[np.all(every > LEAST_SHARE, axis=(1, 2)) & np.isfinite(every).all(axis=(1, 2))]
     if len(turning) < LEAST_BLOCKS:
         return None
-    means = hover_exponent(vehicle) * np.log(turning).mean(axis=1)
-    return np.median(means @ torque_map(vehicle).T, axis=0)
+    return np.median(
+        (hover_exponent(vehicle) * np.log(turning).mean(axis=1)) @ torque_map(vehicle).T, axis=0
+    )
 
 
 def torque_map(vehicle: Vehicle) -> np.ndarray:
@@ -193,16 +194,22 @@ def compare_balance(
         return RotorBalance(visible=visible)
     if own.probability < least:
         text = f"the balance of the rotors fits {named} at {number(value, 2)} of its thrust"
-        figures = {"probability": own.probability}
-        return RotorBalance((), (Finding(NAME, text, 0.0, figures),), visible)
+        return RotorBalance(
+            (), (Finding(NAME, text, 0.0, {"probability": own.probability}),), visible
+        )
     effect = WeakRotor(float(rotor), value)
     parameters = {
         "rotor": Estimate(effect.rotor, "", (effect.rotor, effect.rotor)),
         "efficiency": Estimate(value, "1", (low, high)),
     }
-    onset = dict[str, float | None]((log.name, None) for log in after)
     found = Cause(
-        NAME, own.probability, parameters, onset, effect=effect, changed=True, rotor=named
+        NAME,
+        own.probability,
+        parameters,
+        dict[str, float | None]((log.name, None) for log in after),
+        effect=effect,
+        changed=True,
+        rotor=named,
     )
     return RotorBalance((found,), (), visible)
 

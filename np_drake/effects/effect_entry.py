@@ -155,6 +155,7 @@ def _correlation(C: np.ndarray) -> np.ndarray:
 def _moved(entry: EffectEntry, change: dict[str, float]) -> EffectEntry:
     values = entry.made.values
     for p in (p for p in entry.made.parameters if not p.choices):
-        moved = values[p.name] + change.get(f"{entry.effect}.{p.name}", 0.0)
-        values[p.name] = float(np.clip(moved, p.lower, p.upper))
+        values[p.name] = float(
+            np.clip(values[p.name] + change.get(f"{entry.effect}.{p.name}", 0.0), p.lower, p.upper)
+        )
     return dc.replace(entry, parameters=values)

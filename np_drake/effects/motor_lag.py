@@ -55,8 +55,7 @@ class MotorLag(ActuatorEffect):
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
         """Return the rotor speed (4,) [rad/s] that holds `thrust` (4,) [N]."""
-        k = vehicle.thrust_coefficient
-        return np.sqrt(np.maximum(thrust, 0.0) / k)
+        return np.sqrt(np.maximum(thrust, 0.0) / vehicle.thrust_coefficient)
 
     def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
         """Return the rate of rotor speed, (..., 4) [rad/s²]."""

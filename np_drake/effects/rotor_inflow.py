@@ -46,8 +46,9 @@ class RotorInflow(WrenchEffect):
         at_rest = _velocity_at_rest(vehicle, f)
         axial, lateral = v_B[..., 2:], np.linalg.norm(v_B[..., :2], axis=-1, keepdims=True)
         k = self.slope * AIR_DENSITY * area * vehicle.rotor_radius / 4
-        df = k * speed * (at_rest - induced_velocity(at_rest, lateral, axial) - axial)
-        out[..., 2] = np.sum(df, axis=-1)
+        out[..., 2] = np.sum(
+            k * speed * (at_rest - induced_velocity(at_rest, lateral, axial) - axial), axis=-1
+        )
         return out
 
 

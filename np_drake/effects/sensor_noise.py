@@ -36,8 +36,7 @@ class SensorNoise:
         settings = (*map(float, deviations), float(vehicle.gravity))
         _read(*rows, *settings, x.reshape(-1, 13), a.reshape(-1, 3))
         al = truth.al + n.angular_acceleration * white[..., 15:18]
-        rotor = truth.rotor + self.rotor * white[..., 18:22]
-        return Measurement(x=x, a=a, al=al, rotor=rotor)
+        return Measurement(x=x, a=a, al=al, rotor=truth.rotor + self.rotor * white[..., 18:22])
 
 
 @compiled

@@ -231,8 +231,7 @@ class Whitening:
         taps = np.stack([_filter(column, good, order) for column in bounded.T])
         reach = np.convolve(~good, np.ones(order + 1))[: len(good)]
         kept = (reach < 0.5) & (np.arange(len(good)) >= order)
-        plain = cls(taps, kept, np.ones(e.shape))
-        size = np.abs(plain.apply(deviation))
+        size = np.abs(cls(taps, kept, np.ones(e.shape)).apply(deviation))
         spread = np.median(size[kept], axis=0) / 0.6745 if kept.any() else np.ones(e.shape[1])
         spread = np.maximum(spread, LEAST * taps[:, 0])
         ratio = size / spread

@@ -124,8 +124,7 @@ def own_values(found: Identification) -> list[FlightValues]:
         mean, *ends = (value(c) for c in (float(z.mean()), -SURE, SURE))
         p = float(scipy.stats.chi2.sf(Q, count - 1))
         constant = Quantity(name, "", unit, _constant(mean))
-        prior = (min(ends), max(ends))
-        quantity = Identified(constant, mean, mean, mean, prior, True, p)
+        quantity = Identified(constant, mean, mean, mean, (min(ends), max(ends)), True, p)
         shown.append(_shown(found, quantity, Agreement(z, sd, 0.0, p), value))
     return shown
 

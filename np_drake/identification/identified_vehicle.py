@@ -53,15 +53,17 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         sources[field] = _source(own, named)
     if basis.mass is not None:
         sources["mass"] = "given"
-    given = ("gravity", "rotor_positions", "rotor_directions", "rotor_radius")
-    sources |= dict.fromkeys(given, f"given: {prior.name}")
+    sources |= dict.fromkeys(
+        ("gravity", "rotor_positions", "rotor_directions", "rotor_radius"), f"given: {prior.name}"
+    )
     if (body := _possible(np.array(values.get("inertia", prior.inertia)))) is not None:
         values["inertia"] = body.tolist()
         sources["inertia"] += "; zz lowered to the largest that a body can have"
     if "torque_coefficient" in values:  # told over thrust
         scale = values.get("thrust_coefficient", prior.thrust_coefficient)
-        ends = intervals["torque_coefficient"][0]
-        intervals["torque_coefficient"] = [[_rounded(scale * end) for end in ends]]
+        intervals["torque_coefficient"] = [
+            [_rounded(scale * end) for end in intervals["torque_coefficient"][0]]
+        ]
         values["torque_coefficient"] = _rounded(scale * values["torque_coefficient"])
     throttle, full = None, values.get("throttle.full_thrust")
     if full is not None:
@@ -76,8 +78,7 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
     for field, of in (("mass", "mass"), ("thrust", SCALE_OF.get(basis.drive))):
         if of in intervals:
             low, high = intervals[of][0]
-            spread = _rounded(np.log(high / low) / (2 * SURE))
-            values[f"{field}_uncertainty"] = min(spread, VAGUE)
+            values[f"{field}_uncertainty"] = min(_rounded(np.log(high / low) / (2 * SURE)), VAGUE)
             sources[f"{field}_uncertainty"] = sources[of]
     own_fields = {f.partition(".")[2]: v for f, v in values.items() if f.startswith("calibration.")}
     if "rotor_gains" in own_fields:
@@ -94,7 +95,6 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
             within = (getattr(axis, f"{of}_interval") for axis in axes)
             intervals[f"rate_loop.{of}"] = [[_rounded(low), _rounded(high)] for low, high in within]
             sources[f"rate_loop.{of}"] = named
-    plain = {f: v for f, v in values.items() if "." not in f and f != "mass"}
     return dc.replace(
         prior,
         name=name,
@@ -105,7 +105,7 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         rate_loop=loop,
         sources=sources,
         intervals=intervals,
-        **plain,
+        **{f: v for f, v in values.items() if "." not in f and f != "mass"},
     ).check()
 
 

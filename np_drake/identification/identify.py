@@ -77,16 +77,16 @@ class Identification:
             sd = float(np.sqrt(e.variance(gradient)))
             prior = float(np.linalg.norm(_of_one_flight(slope, layout)))
             wide, known = SURE * sd, SURE * prior
-            ends = (here - wide, here + wide, before - known, before + known)
-            bounds = np.array([here, *ends])
+            bounds = np.array([here, here - wide, here + wide, before - known, before + known])
             value, low, high, *both = (np.exp(bounds) if q.positive else bounds).tolist()
             told = bool(0.0 < sd < TOLD * prior)
             steepest = int(np.argmax(np.abs(_of_one_flight(gradient, layout))))
             follows = layout.names[steepest] if steepest < len(layout.shared) else ""
             p = e.agreement[follows].p if follows in e.agreement else float("nan")
             rotor = self.rotors[q.index[0]] if q.field == ROTOR_GAINS else None
-            known_ends = (both[0], both[1])
-            found.append(Identified(q, value, low, high, known_ends, told, p, follows, rotor))
+            found.append(
+                Identified(q, value, low, high, (both[0], both[1]), told, p, follows, rotor)
+            )
         return tuple(found)
 
     def of(self, q: Quantity, z: np.ndarray) -> tuple[float, np.ndarray]:
@@ -168,8 +168,9 @@ def identify(
             "short; none is told"
         )
     found = estimate(models, layout)
-    motors = [log.motors for log in kept if log.layout is None]
-    rotors = tuple(rotor_names(prior.rotor_positions, motors))
+    rotors = tuple(
+        rotor_names(prior.rotor_positions, [log.motors for log in kept if log.layout is None])
+    )
     return Identification(
         basis, found, frozenset(known), models, prior, tuple(notes), loops, rotors
     )

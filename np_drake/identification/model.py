@@ -196,8 +196,9 @@ class FlightModel:
         e[:, FORCE] = s.force - push @ turn - np.array([v["bias_x"], v["bias_y"], v["bias_z"]])
         if self.channels == 10:
             # Telemetry runs ahead of the body's sensors by the clock.
-            told = self._telemetry(v["delay"] - v["clock"], _response(v))
-            e[:, SPEED] = self._measured_speed - told
+            e[:, SPEED] = self._measured_speed - self._telemetry(
+                v["delay"] - v["clock"], _response(v)
+            )
         return e
 
     def smooth(self, v: Values) -> None:

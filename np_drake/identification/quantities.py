@@ -122,8 +122,9 @@ def _full_over_hover(v: Values, b: Basis) -> float:
 def _full(v: Values, b: Basis) -> float:
     """Return the thrust of one rotor at full throttle and the reference voltage [N]."""
     if b.drive == "collective":
-        full = collective_thrust(1.0 / b.frame.throttle, v["slope"], v["bend"])
-        return b.hover_thrust(v) * float(full)
+        return b.hover_thrust(v) * float(
+            collective_thrust(1.0 / b.frame.throttle, v["slope"], v["bend"])
+        )
     return b.hover_thrust(v) * _full_over_hover(v, b) ** 2
 
 

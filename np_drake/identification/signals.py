@@ -208,13 +208,12 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     edges = np.arange(0, rows, each)
     length = np.diff(log.t[edges])[:, None]
     dt = np.diff(log.t)
-    g = np.array([0.0, 0.0, G])
-    velocity_in_body = attitude.rotate_back(log.q, log.v)
-    known = not {"velocity"} & set(log.lacks)
-    if log.a is not None:
-        force = _mean_after(attitude.rotate_back(log.q, log.a + g), dt, edges)
-    else:
-        force = _mean_after(force_between(log.t, log.q, log.v), dt, edges)
+    specific = (
+        force_between(log.t, log.q, log.v)
+        if log.a is None
+        else attitude.rotate_back(log.q, log.a + [0.0, 0.0, G])
+    )
+    force = _mean_after(specific, dt, edges)
     good = np.isfinite(force).all(axis=1)
     good &= np.linalg.norm(force, axis=1) > FLYING * G
     source = {
@@ -265,7 +264,9 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         alpha=np.diff(w[edges], axis=0) / length,
         rate=_mean_line(w, dt, edges),
         spread=_mean_line(products.reshape(rows, 9), dt, edges).reshape(-1, 3, 3),
-        velocity=_mean_line(velocity_in_body, dt, edges) if known else None,
+        velocity=None
+        if "velocity" in log.lacks
+        else _mean_line(attitude.rotate_back(log.q, log.v), dt, edges),
         good=good,
         drive=drive,
         input=source,
@@ -320,5 +321,4 @@ def _mean_after(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.nda
 
 def _mean_line(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Return the means (m, c) of values (n, c) that are linear between rows."""
-    middle = 0.5 * (values[1:] + values[:-1])
-    return _mean_after(middle, dt, edges)
+    return _mean_after(0.5 * (values[1:] + values[:-1]), dt, edges)

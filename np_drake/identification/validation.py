@@ -55,8 +55,9 @@ def predict(
     found[..., 0:3] -= R @ center
     found[..., 7:10] -= np.einsum("ksij,ksj->ksi", R, turned)
     off = found - log.x[s.edges[first[None, :] + np.arange(steps + 1)[:, None]]]
-    true = found[..., 3:7] - off[..., 3:7]
-    between = attitude.multiply(attitude.conjugate(true), found[..., 3:7])
+    between = attitude.multiply(
+        attitude.conjugate(found[..., 3:7] - off[..., 3:7]), found[..., 3:7]
+    )
     parts = (off[..., 0:3], off[..., 7:10], attitude.rotation_vector(between), off[..., 10:13])
     return first, np.stack([np.linalg.norm(part, axis=-1) for part in parts], axis=-1)
 
@@ -135,8 +136,11 @@ def vehicle_values(
     imu = np.array(c.imu_position or [0.0, 0.0, 0.0]) / arm
     up = max(vehicle.rotor_time_constant, 1e-6)
     down = c.rotor_time_constant_down or up
-    hover = float(np.sqrt(weight / vehicle.thrust_coefficient))
-    spin = frame.unit if drive == "rotor_speed" else hover
+    spin = (
+        frame.unit
+        if drive == "rotor_speed"
+        else float(np.sqrt(weight / vehicle.thrust_coefficient))
+    )
     return dict.fromkeys(fixed, 0.0) | {
         "scale": scale,
         "charge": 1.0,
@@ -179,8 +183,10 @@ def held_out(
     identified = found.estimate.layout.values(found.estimate.z)
     mass = basis.mass_of(identified)
     J = mass * basis.frame.arm**2 * inertia(identified)
-    of_file = vehicle_values(found.prior, basis.frame, basis.drive, mass, identified)
-    rows = {"vehicle file": of_file, "identified": identified}
+    rows = {
+        "vehicle file": vehicle_values(found.prior, basis.frame, basis.drive, mass, identified),
+        "identified": identified,
+    }
     untold = basis.drive == "collective"
     out = []
     for number, log in enumerate(logs):

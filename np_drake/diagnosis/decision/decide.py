@@ -71,8 +71,9 @@ class Judgement:
     @property
     def is_open(self) -> bool:
         """Whether it may act as well as commands that act late, which the logs leave open."""
-        against = self.support is None or self.support.contradicted or self.stands_for
-        return self.timing > 0 and not against
+        return self.timing > 0 and not (
+            self.support is None or self.support.contradicted or self.stands_for
+        )
 
     @property
     def reason(self) -> str:
@@ -125,8 +126,12 @@ def judge(
     in_model = min(1.0, named) * float(scipy.special.expit(margins[i] + brought))
 
     # 2. Material: the size is outside the region of practical equivalence.
-    unseen = [(e, held.terms[e.name]) for e in held.flights]
-    size = size_of(ranking, i, [e for e in flights if not e.earlier], unseen)
+    size = size_of(
+        ranking,
+        i,
+        [e for e in flights if not e.earlier],
+        [(e, held.terms[e.name]) for e in held.flights],
+    )
     if through_drag:
         return Judgement(in_model, 1.0, None, "", size)
     material = probably_material(ranking, i, size)
@@ -164,13 +169,12 @@ def decide(
         rotor = rotors[round(effect.values["rotor"]) - 1] if "rotor" in effect.values else None
         if found.probability >= options.thresholds.cause_probability:
             there = {e.name: held.terms.get(e.name, fit.everything)[i] for e in every}
-            onset = {flight: now.begins(flight) for flight, now in there.items()}
             causes.append(
                 Cause(
                     name,
                     found.probability,
                     parameters,
-                    onset,
+                    {flight: now.begins(flight) for flight, now in there.items()},
                     others,
                     found.size.gap,
                     effect,
@@ -203,8 +207,7 @@ def _finding(
         figures["timing"] = found.timing
     if rotor:
         values = values.replace(f"rotor {rotor.number}", str(rotor))
-    text = f"{values}: {found.reason} ({shares})"
-    return Finding(effect.identifier, text, size.gap, figures)
+    return Finding(effect.identifier, f"{values}: {found.reason} ({shares})", size.gap, figures)
 
 
 def equivalents(problem: RegressionProblem, model: Model) -> dict[str, tuple[str, ...]]:
@@ -229,8 +232,9 @@ def equivalents(problem: RegressionProblem, model: Model) -> dict[str, tuple[str
             score, name = problem.score((*rest, k)), other.identifiers[-1]
             if score > max(least, found.get(name, -np.inf)):
                 found[name] = score
-        names = sorted(found, key=lambda n: -found[n])[:MOST_ALTERNATIVES]
-        out |= dict.fromkeys(own.identifiers, tuple(names))
+        out |= dict.fromkeys(
+            own.identifiers, tuple(sorted(found, key=lambda n: -found[n])[:MOST_ALTERNATIVES])
+        )
     return out
 
 
@@ -294,8 +298,11 @@ def without_late_onsets(
             for name, t in c.onset.items()
         }
         if onset != c.onset and all(t == np.inf for t in onset.values()):
-            text = "it would begin in the last second of a flight alone"
-            late.append(Finding(c.identifier, text, c.share))
+            late.append(
+                Finding(
+                    c.identifier, "it would begin in the last second of a flight alone", c.share
+                )
+            )
         else:
             kept.append(dc.replace(c, onset=onset))
     return kept, late
@@ -307,8 +314,9 @@ def without_missing_drag(
     """Return both with winds moved from the causes to the findings where no drag is a cause."""
     named = {c.identifier for c in causes}
     still = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
-    why = "no cause through which it would be felt"
-    unfelt = [Finding(c.identifier, why, c.share) for c in still]
+    unfelt = [
+        Finding(c.identifier, "no cause through which it would be felt", c.share) for c in still
+    ]
     return [c for c in causes if c not in still], [*minor, *unfelt]
 
 
@@ -379,19 +387,20 @@ def size_of(
     y = np.concatenate([e.y for e in flights])
     own, gap = (float(np.sum((x[:, known] / rms[known]) ** 2)) for x in (here, y))
     effect = fit.terms[i].effect
-    tolerance = max(ranking.options.tolerance.of(effect), 1e-9)
     return Size(
         float(np.linalg.norm(part[:, FORCE]) / np.sqrt(len(part))) / flights[0].weight,
         float(np.linalg.norm(part[:, TORQUE])) / max(float(np.linalg.norm(command)), 1e-6),
         own / max(gap - len(y) * int(known.sum()), own, 1e-9),
-        float(np.linalg.norm(list(effect.values.values()))) / tolerance,
+        float(np.linalg.norm(list(effect.values.values())))
+        / max(ranking.options.tolerance.of(effect), 1e-9),
     )
 
 
 def _part_of(terms: Sequence[Term], i: int, flight: FlightResiduals) -> np.ndarray:
     """Return the part (m, 15) of the terms' predicted residual that is due to term i."""
-    rest = [t for j, t in enumerate(terms) if j != i]
-    return predicted_residual(flight, terms) - predicted_residual(flight, rest)
+    return predicted_residual(flight, terms) - predicted_residual(
+        flight, [t for j, t in enumerate(terms) if j != i]
+    )
 
 
 def probably_material(ranking: Ranking, i: int, size: Size) -> float:
@@ -403,10 +412,9 @@ def probably_material(ranking: Ranking, i: int, size: Size) -> float:
     if options.within_timing(effect, flights[0].vehicle):
         return 0.0
     posterior, changed = SizePosterior(fit, i, flights), has_changed(ranking, i)
-    spread = healthy_spread(effect, flights[-1], options.tolerance, changed=changed)
     outside = (
         posterior.material(size, options),
-        posterior.beyond(spread),
+        posterior.beyond(healthy_spread(effect, flights[-1], options.tolerance, changed=changed)),
         posterior.blows(options),
     )
     # Their product: what two bounds leave in doubt is not sure of either.
@@ -424,9 +432,8 @@ class SizePosterior:
         self._fit, self._i, self._flights, self._term = fit, i, flights, fit.terms[i]
         own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
         self._free, self._values = [fit.free[k] for k in own], fit.values[own]
-        covariance = fit.covariance[np.ix_(own, own)]
         self.draws = np.random.default_rng(SEED).multivariate_normal(
-            self._values, covariance, DRAWS
+            self._values, fit.covariance[np.ix_(own, own)], DRAWS
         )
 
     def _places(self, names: Collection[str]) -> list[int]:
@@ -508,8 +515,9 @@ class SizePosterior:
         for e in self._flights:
             begin = self._term.begins(e.name)
             acts = e.t >= (-np.inf if begin is None else begin)
-            part = _part_of(self._fit.everything, self._i, e)
-            forces.append(attitude.rotate(e.q, part[:, FORCE])[acts])
+            forces.append(
+                attitude.rotate(e.q, _part_of(self._fit.everything, self._i, e)[:, FORCE])[acts]
+            )
         force = float(np.linalg.norm(np.concatenate(forces).mean(axis=0)[:2]))
         speed = np.linalg.norm(self.draws[:, level], axis=1)
         slowest = error * float(np.linalg.norm(self._values[level])) / max(force, 1e-12)

@@ -43,8 +43,12 @@ class Blocks:
         """Return the blocks without the columns of some terms."""
         kept = ~np.isin(self.owners, [*gone])
         index = np.append(np.flatnonzero(kept), -1)
-        grams = [gram[np.ix_(index, index)] for gram in self.grams]
-        return Blocks(grams, self.values, self.owners[kept], int(kept[: self.shared].sum()))
+        return Blocks(
+            [gram[np.ix_(index, index)] for gram in self.grams],
+            self.values,
+            self.owners[kept],
+            int(kept[: self.shared].sum()),
+        )
 
     def of_others(self) -> np.ndarray:
         """Return the Gram matrix (k + 1, k + 1) of shared columns and target, those of the flight
@@ -274,8 +278,7 @@ def _through_neutral(
     """
     J, whole = J.copy(), predicted_residual(e, now)
     for i in {f.term for f in free}:
-        own = np.array([f.term == i for f in free])
-        distance = np.where(own, away, 0.0)
+        distance = np.where(np.array([f.term == i for f in free]), away, 0.0)
         if distance.any():
             given = whole - predicted_residual(e, [t for k, t in enumerate(now) if k != i])
             J += (given - J @ distance)[..., None] * (distance / (distance @ distance))

@@ -316,10 +316,14 @@ def find_unexplained(
     probability = _above(ratio, limit) if large and again else 0.0
     figures, measurement = {"ratio": ratio}, "hover for a minute with rotor speed logged"
     finding = Finding("slow torque", "a torque that comes and goes", ratio, figures, measurement)
-    parts = [_slow_part(e, both, [3 + axis]) for e in flights]
-    said.append(Indication.of(probability, finding, flights, parts))
-    slow = [_slow_part(e, residual, [0, 1]) for e in flights]
-    return said, Indication.of(slowly, SLOW_FORCE, flights, slow)
+    said.append(
+        Indication.of(
+            probability, finding, flights, [_slow_part(e, both, [3 + axis]) for e in flights]
+        )
+    )
+    return said, Indication.of(
+        slowly, SLOW_FORCE, flights, [_slow_part(e, residual, [0, 1]) for e in flights]
+    )
 
 
 def _indication(
@@ -338,10 +342,13 @@ def _indication(
     force, torque = (
         float(np.sqrt(np.mean(np.sum(part[:, c] ** 2, axis=1)))) for c in (FORCE, TORQUE)
     )
-    figures = {"force": force, "torque": torque, **candidate.figures}
     name = candidate.identifiers[0].removeprefix(PREFIX)
     finding = Finding(
-        name, candidate.variant, force / flights[0].weight, figures, candidate.measurement
+        name,
+        candidate.variant,
+        force / flights[0].weight,
+        {"force": force, "torque": torque, **candidate.figures},
+        candidate.measurement,
     )
     if name == "place" and options.tolerance.unmeasured:
         finding = dc.replace(finding, name="path", text=ALONG_PATH, measurement=OTHER_SPEED)
@@ -371,15 +378,18 @@ def burst_test(
     ratio = np.divide(every, usual, out=np.zeros_like(every), where=usual > 0)
     row, axis = map(int, np.unravel_index(np.argmax(ratio), ratio.shape))
     (flight, time), size, prominence = times[row], float(every[row, axis]), float(ratio[row, axis])
-    text = (
-        f"a {CHANNELS[axis]} that comes now and then, as in {flight} at {time:.1f} s, "
-        f"{measure(size, 'N')}"
-    )
     probability = _above(prominence, options.thresholds.burst_ratio) if size > least else 0.0
-    figures, measurement = {"time": time, "force": size}, "the same trajectory twice more"
-    finding = Finding("burst", text, prominence, figures, measurement)
-    slow = [_slow_part(e, residual, [axis]) for e in flights]
-    return Indication.of(probability, finding, flights, slow)
+    finding = Finding(
+        "burst",
+        f"a {CHANNELS[axis]} that comes now and then, as in {flight} at {time:.1f} s, "
+        f"{measure(size, 'N')}",
+        prominence,
+        {"time": time, "force": size},
+        "the same trajectory twice more",
+    )
+    return Indication.of(
+        probability, finding, flights, [_slow_part(e, residual, [axis]) for e in flights]
+    )
 
 
 def _line_test(
@@ -395,13 +405,17 @@ def _line_test(
     smallest = np.maximum(np.sqrt(share * np.mean(y**2, axis=0)), np.repeat(least, 3))
     line = strongest_line(flights, residual, smallest)
     again = strongest_line(held_out, residual).prominence
-    text = f"a line in {CHANNELS[line.channel]} at {line.frequency:.2f} Hz"
-    figures = {"frequency": line.frequency, "rms": line.rms}
-    shown = again > thresholds.held_out_share * thresholds.line_ratio
-    large = line.rms >= smallest[line.channel] and shown
+    large = line.rms >= smallest[line.channel] and (
+        again > thresholds.held_out_share * thresholds.line_ratio
+    )
     probability = _above(line.prominence, thresholds.line_ratio) if large else 0.0
-    measurement = "hover at two thrusts with rotor speed logged: an imbalance turns with the rotors"
-    finding = Finding("line", text, line.prominence, figures, measurement)
+    finding = Finding(
+        "line",
+        f"a line in {CHANNELS[line.channel]} at {line.frequency:.2f} Hz",
+        line.prominence,
+        {"frequency": line.frequency, "rms": line.rms},
+        "hover at two thrusts with rotor speed logged: an imbalance turns with the rotors",
+    )
     channel = np.arange(6) == line.channel
     waves = [
         np.sqrt(2) * line.rms * np.sin(2 * np.pi * line.frequency * e.t)[:, None] * channel
@@ -470,9 +484,7 @@ def measure_remainder(
         np.stack([y[name][own, WRENCH] ** 2 for y in (before, after)], axis=1)
         for name, own in held.rows.items()
     ]
-    drawn = _drawn_means(squares, round(BLOCK / flights[0].grid.step), rng)
-
-    excess = drawn - power - drift
+    excess = _drawn_means(squares, round(BLOCK / flights[0].grid.step), rng) - power - drift
 
     # Draws before and after, of sizes with that of the mean behind them: power over noise [1],
     # force [N], torque [N·m].
@@ -525,8 +537,12 @@ def _drawn_means(parts: Sequence[np.ndarray], size: int, rng: np.random.Generato
     rows.
     """
     size = max(1, min(size, sum(map(len, parts)) // FEWEST))
-    split = (np.array_split(part, max(1, round(len(part) / size))) for part in parts)
-    blocks = [block for part in split for block in part if len(block)]
+    blocks = [
+        block
+        for part in parts
+        for block in np.array_split(part, max(1, round(len(part) / size)))
+        if len(block)
+    ]
     sums, counts = np.array([b.sum(axis=0) for b in blocks]), np.array([len(b) for b in blocks])
     drawn = rng.integers(0, len(blocks), (DRAWS, len(blocks)))
     return (sums[drawn].sum(axis=1).T / counts[drawn].sum(axis=1)).T
@@ -541,10 +557,15 @@ def _position_errors(
     rng, moved, by_noise = np.random.default_rng(SEED), [], []
     for e in held.flights:
         rows = held.rows[e.name] | e.outliers  # which are interpolated
-        drawn = [_noise_of(noise, len(e.t), rng) for _ in range(NOISES)]
-        chance = np.array([squared_position_errors(e, one, rows) for one in drawn])
-        bridged = (e.bridged(y[e.name])[:, WRENCH] for y in wrenches)
-        seen = np.array([squared_position_errors(e, y, rows) for y in bridged])
+        chance = np.array(
+            [
+                squared_position_errors(e, _noise_of(noise, len(e.t), rng), rows)
+                for _ in range(NOISES)
+            ]
+        )
+        seen = np.array(
+            [squared_position_errors(e, e.bridged(y[e.name])[:, WRENCH], rows) for y in wrenches]
+        )
         moved.append((seen - chance.mean(axis=0)).T)
         by_noise.append(chance.ravel())
     found = np.concatenate(by_noise)

@@ -253,8 +253,7 @@ class Information:
         scale = np.sqrt(np.maximum(self._gram.XX[asked, asked], 1e-12))
         unit = own.given(len(index) - len(asked)).XX / np.outer(scale, scale)
         values, vectors = np.linalg.eigh(0.5 * (unit + unit.T))
-        variance = (vectors**2) @ (1 / np.maximum(values, SINGULAR))
-        return np.sqrt(variance) / scale
+        return np.sqrt((vectors**2) @ (1 / np.maximum(values, SINGULAR))) / scale
 
     def inside(self, trace: Trace, other: Trace) -> bool:
         """Return whether a trace is that of an effect with more parameters, of which it is the
@@ -286,8 +285,9 @@ def smallest_sizes(information: Information) -> list[Smallest]:
         most = [t for _, t in sorted(wider, key=lambda pair: -pair[0])[:MOST_BESIDE]]
         beside = np.maximum(alone, _sizes(information, variants, most))
         names = tuple(p.name for p in main.parameters)
-        like = tuple(t.identifier for t in most)
-        found.append(Smallest(main.identifier, names, alone, beside, like))
+        found.append(
+            Smallest(main.identifier, names, alone, beside, tuple(t.identifier for t in most))
+        )
     return found
 
 
@@ -461,8 +461,9 @@ def examine(
         }
         still = nothing_moves(fastest | {"thrust variation [1]": 0.0}, logs)
         return LogReport(facts, bool(long_enough) and not (wrong or still), (*still, *problems))
-    report = LogReport(facts, True, tuple(problems), vehicle.name)
-    return _with_answers(report, long_enough, vehicle, tell)
+    return _with_answers(
+        LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell
+    )
 
 
 def _with_answers(
@@ -483,13 +484,13 @@ def _with_answers(
     every = traces(flights, options.priors)
     # All that the flights may hold, payloads on every tether, is no noise.
     near = [t for t in nearest_usual(every) if t.identifier != PAYLOAD]
-    hung = [t for t in every if t.identifier == PAYLOAD]
     tell(0.6, "noise")
-    cleared, noise, drag = explain(flights, nuisance, [*near, *hung], options)
+    cleared, noise, drag = explain(
+        flights, nuisance, [*near, *(t for t in every if t.identifier == PAYLOAD)], options
+    )
     tell(0.8, "smallest sizes")
     information = Information(cleared, noise, nuisance, every)
     gust = smallest_gust(noise, moving["duration [s]"])
-    smallest = smallest_sizes(information)
     still = nothing_moves(moving, logs)
     y = np.concatenate([e.y[~e.outliers, FORCE] for e in flights])
     force = np.sqrt(np.mean(y**2, axis=0)) / flights[0].weight
@@ -501,7 +502,7 @@ def _with_answers(
         excitation=moving,
         residual_force=dict(zip("xyz", force.tolist(), strict=True)),
         noise_floor=dict(zip(CHANNELS, noise.rms.tolist(), strict=False)),
-        answers=answers(smallest, gust, drag, flights),
+        answers=answers(smallest_sizes(information), gust, drag, flights),
     )
 
 

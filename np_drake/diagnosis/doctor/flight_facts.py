@@ -129,16 +129,13 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
     own = misfits(t, x)
     if level := never_tilts(t, x):
         tilt, needed = level
-        flat = (
+        what = (
             f"the attitude never tilts ({1e3 * tilt:.2g} mrad) where the vehicle accelerates "
-            f"sideways"
+            f"sideways ({1e3 * needed:.0f} mrad): its pose is planar"
         )
-        return [
-            Doubt(log.name, f"{flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)
-        ]
+        return [Doubt(log.name, what, fails=True)]
     aside, failed = told_by_noise(own), failing(own)
-    no_flight = [note for note in log.notes if note.startswith(NO_FLIGHT)]
-    found = [Doubt(log.name, note, fails=True) for note in no_flight]
+    found = [Doubt(log.name, note, fails=True) for note in log.notes if note.startswith(NO_FLIGHT)]
     clips = any(note.startswith(CLIPS) for note in log.notes)
     noisy = [law for law in aside if not (clips and law.startswith("velocity"))]
     lift = [law for law in failed if law.startswith("lift")]
@@ -148,8 +145,11 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
     if lift:
         opposed = any(own[law] >= OPPOSED for law in lift)
         what = f"{_misfit(lift, own)}: horizontal acceleration is not along the thrust axis"
-        why = "another force acts, or the attitude is wrong"
-        why = "check attitude and frames" if opposed else why
+        why = (
+            "check attitude and frames"
+            if opposed
+            else "another force acts, or the attitude is wrong"
+        )
         found.append(Doubt(log.name, f"{what}; {why}", fails=opposed))
     if noisy:
         found.append(
@@ -161,8 +161,9 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         if lag.beyond_doubt
     )
     if late:
-        what = f"{late}: stamps of two clocks; np-drake import takes that out"
-        found.append(Doubt(log.name, what))
+        found.append(
+            Doubt(log.name, f"{late}: stamps of two clocks; np-drake import takes that out")
+        )
     return found
 
 
@@ -200,8 +201,10 @@ def _residual(e: FlightResiduals) -> list[Doubt]:
     worst = int(np.argmax(share))
     if share[worst] <= MOST_RESIDUAL:
         return []
-    missed = f"the vehicle file misses {share[worst]:.0%} of the weight along body {'xyz'[worst]}"
-    what = f"{missed}: check mass, thrust coefficient, units and columns before any answer"
+    what = (
+        f"the vehicle file misses {share[worst]:.0%} of the weight along body {'xyz'[worst]}: "
+        "check mass, thrust coefficient, units and columns before any answer"
+    )
     return [Doubt(e.name, what, fails=bool(share[2] > NO_LIFT))]
 
 
@@ -216,14 +219,18 @@ def _torque(e: FlightResiduals) -> list[Doubt]:
     for axis, correlation, ratio in zip("xyz", *found, strict=True):
         what = ""
         if correlation < -TOLD:
-            against = f"goes against J dw/dt (correlation {correlation:.2f})"
-            what = f"{against}; check signs and the order of the rotors"
+            what = (
+                f"goes against J dw/dt (correlation {correlation:.2f}); check signs and the order "
+                "of the rotors"
+            )
         # Noise lies on both: the factor is between the regressions of one on the other.
         elif correlation > TOLD and (
             correlation * ratio > FACTOR or ratio / correlation < 1 / FACTOR
         ):
-            turns = f"is not what turns the vehicle, {ratio:.2g} times as much"
-            what = f"{turns}; check inertia, arms and torque coefficient"
+            what = (
+                f"is not what turns the vehicle, {ratio:.2g} times as much; check inertia, arms "
+                "and torque coefficient"
+            )
         if what:
             out.append(Doubt(e.name, f"torque about body {axis} {what}", fails=True))
     return out
@@ -299,8 +306,7 @@ def _signals(log: FlightLog, usual: MeasurementNoise):
         integrated = field in "pv" and UNLOGGED[field] in log.lacks
         if integrated or values is None or not np.isfinite(values).all():
             continue
-        white = float(white_noise([values]).max())
-        yield SignalFacts(name, unit, white, known.get(sensor, 0.0))
+        yield SignalFacts(name, unit, float(white_noise([values]).max()), known.get(sensor, 0.0))
 
 
 def _motion(log: FlightLog) -> dict[str, float]:

@@ -103,8 +103,7 @@ def rotor_figure(vehicle: Vehicle, rotors: Sequence[RotorName], marked: Collecti
     p = np.array(vehicle.rotor_positions, float)[:, :2] @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     figure, grid = new_figure(1, 1, width=4.2, height=3.6)
     ax, span = grid[0, 0], float(np.abs(p).max())
-    apart = min(np.linalg.norm(a - b) for a, b in itertools.combinations(p, 2))
-    radius = 0.36 * float(apart)
+    radius = 0.36 * float(min(np.linalg.norm(a - b) for a, b in itertools.combinations(p, 2)))
     for rotor, centre, turn in zip(rotors, p, vehicle.rotor_directions, strict=True):
         stands_out = rotor.number in marked
         ax.plot(*np.transpose([[0.0, 0.0], centre]), color="0.6", linewidth=3.0, zorder=1)
@@ -112,8 +111,13 @@ def rotor_figure(vehicle: Vehicle, rotors: Sequence[RotorName], marked: Collecti
         edge = {"hatch": "///", "edgecolor": BEFORE} if stands_out else {"edgecolor": "0.4"}
         ax.add_patch(Circle(centre, radius, facecolor="white", linewidth=2.0, zorder=2, **edge))
         start, end = (centre + 0.72 * radius * np.array([side, 0.35]) for side in (-turn, turn))
-        bent = {**ARROW, "connectionstyle": f"arc3,rad={-0.5 * turn}"}
-        ax.annotate("", end, start, arrowprops=bent, zorder=3)
+        ax.annotate(
+            "",
+            end,
+            start,
+            arrowprops={**ARROW, "connectionstyle": f"arc3,rad={-0.5 * turn}"},
+            zorder=3,
+        )
         name = {"ha": "center", "va": "center", "weight": "bold" if stands_out else "normal"}
         ax.text(*centre, str(rotor.number), fontsize=13, bbox=PLAIN_BOX, zorder=4, **name)
         ax.text(*(centre - [0.0, 1.25 * radius]), rotor.log or rotor.place, fontsize=9, **name)
@@ -221,8 +225,16 @@ def write_report(
     write_page(folder / PAGE, title, [section], figures(diagnosis))
     found = diagnosis.as_json()
     # The head that every file of the project begins with (docs/reference/files.md).
-    head = {"schema": found["schema"], "version": version("np_drake"), "seed": seed}
-    write_json(folder / DATA, {**head, "config": config or {}, **found})
+    write_json(
+        folder / DATA,
+        {
+            "schema": found["schema"],
+            "version": version("np_drake"),
+            "seed": seed,
+            "config": config or {},
+            **found,
+        },
+    )
     return folder / PAGE
 
 

@@ -264,8 +264,10 @@ def headline(diagnosis: Diagnosis) -> str:
         since = f"since the flight{'s' * (len(diagnosis.before) > 1)} before"
         left_over = f"; {percent(left.share)} of the gap on {judges} remains unexplained" * unknown
         if not causes:
-            would = f"{seen(diagnosis)} would"
-            return f"Nothing changed {since} that these flights would show: {would}{left_over}"
+            return (
+                f"Nothing changed {since} that these flights would show: {seen(diagnosis)} "
+                f"would{left_over}"
+            )
         named = [*(changed(c) + _or_else(c) for c in first), *more]
         # What the balance of rotors alone tells explains nothing of the gap.
         acts = reduction.material and any(np.isfinite(c.held_out_gain) for c in causes)
@@ -275,12 +277,16 @@ def headline(diagnosis: Diagnosis) -> str:
         return f"There is no material gap on {judges}"
     if causes:
         text = capital(_explained(diagnosis, causes, [*map(phrase, first), *more]))
-        told = f"probability that it is material {probability(left.probability)}"
-        rest = f"; {percent(left.share)} remains unexplained: {sizes} ({told})"
+        rest = (
+            f"; {percent(left.share)} remains unexplained: {sizes} (probability that it is "
+            f"material {probability(left.probability)})"
+        )
         return text + rest * unknown
     if unknown:
-        sure = probability(diagnosis.unknown_probability)
-        return f"No effect explains what is left on {judges} ({sure}): {sizes}"
+        return (
+            f"No effect explains what is left on {judges} "
+            f"({probability(diagnosis.unknown_probability)}): {sizes}"
+        )
     calibrated = "with calibration, " * bool(diagnosis.calibration)
     return f"Nothing material is missing: {calibrated}the remainder on {judges} is {sizes}"
 
@@ -450,8 +456,10 @@ def warnings(diagnosis: Diagnosis) -> list[str]:
     """Return every warning once, but for what is said before the answer; what holds of several
     flights names them in one line.
     """
-    every = (*diagnosis.identifiability.warnings, *diagnosis.warnings)
-    lines = grouped(every, diagnosis.train + diagnosis.held_out)
+    lines = grouped(
+        (*diagnosis.identifiability.warnings, *diagnosis.warnings),
+        diagnosis.train + diagnosis.held_out,
+    )
     return [line for line in lines if line.rstrip(".") not in diagnosis.doubts]
 
 
