@@ -79,16 +79,14 @@ class NpMpc(LeafSystem):
             forecast=forecast,
             t=context.get_time(),
         )
-        arrays = (memory.u, memory.x, memory.chi, memory.flags, memory.acting)
-        for i, array in enumerate(arrays):
+        for i, array in enumerate((memory.u, memory.x, memory.chi, memory.flags, memory.acting)):
             discrete_state.set_value(i, array.ravel())
 
     def _calc_u(self, context, output) -> None:
         output.SetFromVector(context.get_discrete_state(0).value()[:INPUT_SIZE])
 
     def _calc_rates_thrust(self, context, output) -> None:
-        memory = self._memory(context)
-        output.SetFromVector(self.controller.rates_thrust(memory))
+        output.SetFromVector(self.controller.rates_thrust(self._memory(context)))
 
     def _calc_flag(self, index: int):
         def calc(context, output) -> None:

@@ -303,8 +303,7 @@ def border(part: np.ndarray) -> np.ndarray:
     none.
     """
     around = np.pad(part, 1, mode="edge")
-    inner = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
-    edge = part & ~inner
+    edge = part & ~(around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:])
     return np.argwhere(edge if edge.any() else part)
 
 
@@ -329,8 +328,7 @@ def _fly(
     for case, found in zip(cases, every_result(records), strict=True):
         drawn, outside = found.pop("drawn"), not found["lost"] and found["peak"] > within
         line = {"stage": stage, "shares": case["shares"], **found, "outside": outside}
-        failed = found["lost"] or found["grounded"] or outside
-        lines.append({**line, "failed": failed, **drawn})
+        lines.append({**line, "failed": found["lost"] or found["grounded"] or outside, **drawn})
     return lines
 
 
@@ -399,8 +397,9 @@ def certify(
     def fly_in(chosen: np.ndarray, stage: str) -> None:
         """Fly one flight in each of the cells (n, 2)."""
         shares = (chosen + rng.random(chosen.shape)) / shape
-        more = rng.random((len(chosen), max(len(over) - 2, 0)))
-        places = np.concatenate([shares[:, : len(over)], more], axis=1).tolist()
+        places = np.concatenate(
+            [shares[:, : len(over)], rng.random((len(chosen), max(len(over) - 2, 0)))], axis=1
+        ).tolist()
         found = _fly(run, config, over, places, first=len(lines), stage=stage, within=within)
         np.add.at(failed, tuple(chosen.T), [line["failed"] for line in found])
         np.add.at(count, tuple(chosen.T), 1)

@@ -197,8 +197,7 @@ class FlightResult:
         if "chi_hat" not in self.signals:
             return None
         rows = round(self.delay / self.config.controller.period)
-        k = np.maximum(np.arange(len(self.signals["t"])) - rows, 0)
-        return self.signals["chi_hat"][k]
+        return self.signals["chi_hat"][np.maximum(np.arange(len(self.signals["t"])) - rows, 0)]
 
     @cached_property
     def payload_position(self) -> np.ndarray | None:
@@ -284,8 +283,9 @@ class FlightResult:
 
     def summary(self) -> dict:
         """Return the `fly` object of `--json` (docs/reference/files.md)."""
-        named = {"experiment": self.config.name, "controller": self.label, "seed": self.seed}
-        return named | {"metrics": self.metrics()}
+        return {"experiment": self.config.name, "controller": self.label, "seed": self.seed} | {
+            "metrics": self.metrics()
+        }
 
 
 def fly(

@@ -143,8 +143,7 @@ class RealityConfig:
         if self.blows:
             effects.append(library.GustyWind(*self.wind, deviation=self.gust, seed=self.gust_seed))
         effects += split_effects(self.added).wrench
-        gusts = [Disturbance(self.disturbance)] if self.disturbance.acts else []
-        return [*effects, *gusts]
+        return [*effects, *([Disturbance(self.disturbance)] if self.disturbance.acts else [])]
 
     def actuator_effects(self) -> list[ActuatorEffect]:
         """Return the effects between command and thrust, in the order of action."""

@@ -69,8 +69,9 @@ def train_model(
         filters = train_payload_filter([(log, vehicle)], step=step, prior=prior)
         filters.save(path)
         return filters.summary
-    config = make_config(configuration, seed=seed)
-    model = train_on_flights(flights, config, step=step, label=label).model
+    model = train_on_flights(
+        flights, make_config(configuration, seed=seed), step=step, label=label
+    ).model
     save_model(model, path)
     return model.summary
 
@@ -114,12 +115,14 @@ def train_on_envelope(
     each trial [m]: the vehicle from its training circle, the priors from `count` drawn flights.
     """
     circle = fly(load_experiment(TRAINING, vehicle), seed=run.seed)
-    step = circle.config.controller.period
-    model = train_payload_filter([(scored_log(circle), vehicle)], step=step)
+    model = train_payload_filter(
+        [(scored_log(circle), vehicle)], step=circle.config.controller.period
+    )
 
     def error(bank: BankOptions) -> float:
-        tried = dc.replace(model, bank=bank)
-        work = partial(flown_error, model=tried, seed=run.seed, vehicle=vehicle)
+        work = partial(
+            flown_error, model=dc.replace(model, bank=bank), seed=run.seed, vehicle=vehicle
+        )
         found = [log for _, log in as_they_finish(work, range(count), run.workers.jobs)]
         logs = [log for log in found if log is not None]
         require(logs, "--envelope: this vehicle can fly none of what was drawn; draw more flights.")
