@@ -87,7 +87,8 @@ def test_an_unstable_model_fails(logs, monkeypatch, capsys):
     system = LiftedLinearSystem(2.0 * np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
     encoder, ones = DelayEncoder(np.eye(6, 12), 1), np.ones(6)
     broken = LiftedModel(MODE_DICTIONARY, system, encoder, 1, ones, ones)
-    monkeypatch.setattr("diagrams.cli.train.load", lambda path: broken)
+    monkeypatch.setattr("diagrams.cli.train.schema_of", lambda path: MODE_DICTIONARY)
+    monkeypatch.setattr("diagrams.cli.train.load_model", lambda path: broken)
     assert run(["evaluate", str(logs[1]), "--horizons", "1"]) == 1
     captured = capsys.readouterr()
     assert "a forecast diverged on test." in captured.err
