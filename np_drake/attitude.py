@@ -119,7 +119,8 @@ def one_hemisphere(q: np.ndarray, q_near: np.ndarray) -> np.ndarray:
         q_near: (4,) before the first.
     """
     chain = np.vstack([q_near, q])
-    return q * np.cumprod(np.where(np.sum(chain[1:] * chain[:-1], axis=1) < 0, -1.0, 1.0))[:, None]
+    flips = np.where(np.sum(chain[1:] * chain[:-1], axis=1) < 0, -1.0, 1.0)
+    return q * np.cumprod(flips)[:, None]
 
 
 def quaternion_from_axes(z_B_W: np.ndarray, yaw: np.ndarray | float) -> np.ndarray:
@@ -135,7 +136,8 @@ def quaternion_from_axes(z_B_W: np.ndarray, yaw: np.ndarray | float) -> np.ndarr
     w = np.sqrt(np.maximum(0.5 * (1 + zz), 1e-12))
     tilt = _vector(w, -zy / (2 * w), zx / (2 * w), np.zeros_like(w))
     half = 0.5 * np.broadcast_to(np.asarray(yaw, float), w.shape)
-    return multiply(tilt, _vector(np.cos(half), np.zeros_like(w), np.zeros_like(w), np.sin(half)))
+    turn = _vector(np.cos(half), np.zeros_like(w), np.zeros_like(w), np.sin(half))
+    return multiply(tilt, turn)
 
 
 def rotation_vector(q: np.ndarray) -> np.ndarray:
@@ -152,7 +154,8 @@ def from_rotation_vector(r: np.ndarray) -> np.ndarray:
     """Return the unit quaternion (..., 4) of a rotation vector (..., 3) [rad]."""
     angle = np.linalg.norm(r, axis=-1, keepdims=True)
     # sin(angle / 2) / angle, without a division by a small angle.
-    return np.concatenate([np.cos(0.5 * angle), 0.5 * np.sinc(angle / (2 * np.pi)) * r], axis=-1)
+    scale = 0.5 * np.sinc(angle / (2 * np.pi))
+    return np.concatenate([np.cos(0.5 * angle), scale * r], axis=-1)
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:

@@ -200,9 +200,8 @@ def raw_labels(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
         raise ValueError(
             f"labels: {log.name} must have acceleration columns; differentiate the log first."
         )
-    return rigid_body.residual_wrench(
-        vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=acting_command(log, vehicle)
-    )
+    u = acting_command(log, vehicle)
+    return rigid_body.residual_wrench(vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=u)
 
 
 def labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) -> np.ndarray:

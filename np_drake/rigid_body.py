@@ -35,7 +35,8 @@ def state_derivative(vehicle: Vehicle, x: np.ndarray, u: np.ndarray, chi: np.nda
     a = (u[..., :1] * attitude.body_z(q) + chi[..., :3]) / vehicle.mass
     a[..., 2] -= vehicle.gravity
     J = vehicle.J
-    al = (u[..., 1:4] + chi[..., 3:6] - np.cross(w, w @ J.T)) @ np.linalg.inv(J).T
+    torque = u[..., 1:4] + chi[..., 3:6] - np.cross(w, w @ J.T)
+    al = torque @ np.linalg.inv(J).T
     return np.concatenate([v, attitude.quaternion_rate(q, w), a, al], axis=-1)
 
 
@@ -63,7 +64,8 @@ def residual_wrench(
     f = vehicle.mass * np.asarray(a, float) - u[..., :1] * attitude.body_z(q)
     f[..., 2] += vehicle.mass * vehicle.gravity
     J = vehicle.J
-    return np.concatenate([f, al @ J.T + np.cross(w, w @ J.T) - u[..., 1:4]], axis=-1)
+    tau = al @ J.T + np.cross(w, w @ J.T) - u[..., 1:4]
+    return np.concatenate([f, tau], axis=-1)
 
 
 @compiled

@@ -24,9 +24,8 @@ def with_rotor_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
         f"no command: thrust and torque from rotor speed and vehicle {vehicle.name!r} "
         f"(input: rotor_speed)"
     )
-    return dc.replace(
-        log, u=rotor_wrench(vehicle, log.rotor), input="rotor_speed", notes=[*log.notes, note]
-    )
+    u = rotor_wrench(vehicle, log.rotor)
+    return dc.replace(log, u=u, input="rotor_speed", notes=[*log.notes, note])
 
 
 def acting_command(log: FlightLog, vehicle: Vehicle) -> np.ndarray:

@@ -56,9 +56,8 @@ class BetaflightAutopilot(LeafSystem):
 
     def _arm(self, context, discrete_state) -> None:
         x, g = self._x_port.Eval(context), self._vehicle.gravity
-        at_rest = Sensed(
-            np.zeros(3), np.array([0.0, 0.0, g]), np.array([1.0, 0.0, 0.0, 0.0]), x[P], np.zeros(3)
-        )
+        level = np.array([1.0, 0.0, 0.0, 0.0])
+        at_rest = Sensed(np.zeros(3), np.array([0.0, 0.0, g]), level, x[P], np.zeros(3))
         discrete_state.set_value(self.firmware.arm(at_rest, self._command_port.Eval(context)[0]))
 
     def _step(self, context, discrete_state) -> None:
@@ -73,6 +72,5 @@ class BetaflightAutopilot(LeafSystem):
         discrete_state.set_value(self.firmware.step(Sensed(x[W], f, q, x[P], x[V]), command))
 
     def _calc_u(self, context, output) -> None:
-        output.SetFromVector(
-            self._vehicle.mixer @ self.firmware.rotor_thrust(context.get_discrete_state(0).value())
-        )
+        motors = context.get_discrete_state(0).value()
+        output.SetFromVector(self._vehicle.mixer @ self.firmware.rotor_thrust(motors))

@@ -79,9 +79,8 @@ class Cable(LeafSystem):
         state = self._state_port.Eval(context)[self._rows]
         nodes = context.get_continuous_state_vector().CopyToVector().reshape(-1, 6)
         force, pulls = np.zeros(12), np.zeros((len(nodes), 3))
-        cable_force(
-            state, nodes, context.get_discrete_state(0).GetAtIndex(0), *self.line, force, pulls
-        )
+        holds = context.get_discrete_state(0).GetAtIndex(0)
+        cable_force(state, nodes, holds, *self.line, force, pulls)
         return state, nodes, force, pulls
 
     def _calc_force(self, context, output) -> None:
@@ -91,9 +90,8 @@ class Cable(LeafSystem):
 
     def _calc_wrench(self, context, output) -> None:
         state, _, force, _ = self._pulls(context)
-        output.SetFromVector(
-            np.concatenate([force[3:6], attitude.rotate_back(state[0:4], force[0:3])])
-        )
+        moment = attitude.rotate_back(state[0:4], force[0:3])
+        output.SetFromVector(np.concatenate([force[3:6], moment]))
 
 
 class Rope(Cable):

@@ -40,9 +40,8 @@ class CascadedController(LeafSystem):
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._target_port = self.DeclareVectorInputPort("target", TARGET_SIZE)
         # Hovering, and no update yet.
-        self.DeclareDiscreteState(
-            BasicVector(np.concatenate([vehicle.hover_input, np.zeros(6), [np.nan]]))
-        )
+        start = np.concatenate([vehicle.hover_input, np.zeros(6), [np.nan]])
+        self.DeclareDiscreteState(BasicVector(start))
         self.DeclareVectorOutputPort("u", 4, self._calc_u, {self.xd_ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
@@ -92,6 +91,5 @@ class FlatTarget(LeafSystem):
         )
 
     def _calc_target(self, context, output) -> None:
-        output.SetFromVector(
-            cascade_target(self._vehicle, self._flat_port.Eval(context).reshape(5, 1, 3))[0]
-        )
+        flat = self._flat_port.Eval(context).reshape(5, 1, 3)
+        output.SetFromVector(cascade_target(self._vehicle, flat)[0])

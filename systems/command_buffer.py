@@ -67,9 +67,8 @@ class CommandBuffer(LeafSystem):
 
     def _update_readings(self, context, discrete_state) -> None:
         readings = context.get_discrete_state(0).value()
-        discrete_state.set_value(
-            0, np.concatenate([readings[self._size :], self._command_port.Eval(context)])
-        )
+        command = self._command_port.Eval(context)
+        discrete_state.set_value(0, np.concatenate([readings[self._size :], command]))
 
     def _calc_delayed(self, context, output) -> None:
         if context.get_time() < self._onset:

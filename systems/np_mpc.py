@@ -79,14 +79,16 @@ class NpMpc(LeafSystem):
             forecast=forecast,
             t=context.get_time(),
         )
-        for i, array in enumerate((memory.u, memory.x, memory.chi, memory.flags, memory.acting)):
+        arrays = (memory.u, memory.x, memory.chi, memory.flags, memory.acting)
+        for i, array in enumerate(arrays):
             discrete_state.set_value(i, array.ravel())
 
     def _calc_u(self, context, output) -> None:
         output.SetFromVector(context.get_discrete_state(0).value()[:INPUT_SIZE])
 
     def _calc_rates_thrust(self, context, output) -> None:
-        output.SetFromVector(self.controller.rates_thrust(self._memory(context)))
+        memory = self._memory(context)
+        output.SetFromVector(self.controller.rates_thrust(memory))
 
     def _calc_flag(self, index: int):
         def calc(context, output) -> None:

@@ -42,9 +42,8 @@ class OffboardAutopilot(LeafSystem):
         self.link, self.autopilot = link, SimulatedAutopilot(vehicle)
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._acceleration_port = self.DeclareVectorInputPort("acceleration", 6)
-        self.DeclareStateOutputPort(
-            "rates_thrust", self.DeclareDiscreteState(BasicVector(vehicle.hover_input))
-        )
+        state = self.DeclareDiscreteState(BasicVector(vehicle.hover_input))
+        self.DeclareStateOutputPort("rates_thrust", state)
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._step)
 
     def _step(self, context, discrete_state) -> None:

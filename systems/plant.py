@@ -55,9 +55,8 @@ def make_plant(
     elif payload.tether == "rod":
         P = plant.AddRigidBody("payload", sphere(payload))
         T = plant.AddFrame(FixedOffsetFrame("hook", B.body_frame(), RigidTransform(payload.hook)))
-        F = plant.AddFrame(
-            FixedOffsetFrame("rod_top", P.body_frame(), RigidTransform([0.0, 0.0, payload.length]))
-        )
+        offset = RigidTransform([0.0, 0.0, payload.length])
+        F = plant.AddFrame(FixedOffsetFrame("rod_top", P.body_frame(), offset))
         plant.AddJoint(UniversalJoint("rod", T, F))
     if add_bodies is not None:
         add_bodies(plant)
@@ -135,9 +134,8 @@ def set_payload_mass(
     plant: MultibodyPlant, context: Context, payload: PayloadConfig, mass: float
 ) -> None:
     """Replace the payload's mass [kg] in the plant's context; `payload` gives its shape."""
-    plant.GetBodyByName("payload").SetSpatialInertiaInBodyFrame(
-        context, sphere(dc.replace(payload, mass=mass))
-    )
+    inertia = sphere(dc.replace(payload, mass=mass))
+    plant.GetBodyByName("payload").SetSpatialInertiaInBodyFrame(context, inertia)
 
 
 def declare_event_at(system: LeafSystem, time: float, update: Update) -> None:

@@ -91,9 +91,8 @@ class BodyAcceleration(LeafSystem):
         self._rates_port = self.DeclareVectorInputPort(
             "generalized_acceleration", plant.num_velocities()
         )
-        self.DeclareVectorOutputPort(
-            "acceleration", 6, self._calc_acceleration, {self.all_input_ports_ticket()}
-        )
+        inputs = {self.all_input_ports_ticket()}
+        self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, inputs)
 
     def _calc_acceleration(self, context, output) -> None:
         q_start, v_start = self._starts
@@ -138,9 +137,8 @@ class RodWrench(LeafSystem):
         self._poses_port = self.DeclareAbstractInputPort(
             "body_poses", Value[list[RigidTransform]]()
         )
-        self.DeclareVectorOutputPort(
-            "tether_wrench", 6, self._calc_wrench, {self.all_input_ports_ticket()}
-        )
+        inputs = {self.all_input_ports_ticket()}
+        self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, inputs)
 
     def _calc_wrench(self, context, output) -> None:
         F_PM_M = self._forces_port.Eval(context)[self._ordinal]

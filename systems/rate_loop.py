@@ -43,9 +43,8 @@ class RateLoopTorque(LeafSystem):
         self._J, self._loop = vehicle.J, vehicle.rate_loop
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._command_port = self.DeclareVectorInputPort("rates_thrust", 4)
-        self.DeclareVectorOutputPort(
-            "u", 4, self._calc_u, {self.all_input_ports_ticket(), self.xc_ticket()}
-        )
+        sources = {self.all_input_ports_ticket(), self.xc_ticket()}
+        self.DeclareVectorOutputPort("u", 4, self._calc_u, sources)
 
     def _calc_u(self, context, output) -> None:
         command = self._command_port.Eval(context)

@@ -37,10 +37,8 @@ class Recorder(Multiplexer):
         # initial value.
         data = log.data().T[1:]
         parts = np.split(data, np.cumsum([*self._sizes.values()])[:-1], axis=1)
-        return {
-            "t": self._period * np.arange(len(data)),
-            **dict(zip(self._sizes, parts, strict=True)),
-        }
+        rows = dict(zip(self._sizes, parts, strict=True))
+        return {"t": self._period * np.arange(len(data)), **rows}
 
 
 def add_recorder(

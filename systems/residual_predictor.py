@@ -160,9 +160,8 @@ class ResidualPredictor(MemorySystem):
             self._delay_port = self.DeclareVectorInputPort("delay", 1)
         initial = model.initial_memory()
         self._declare_memory(initial)
-        self._chi_index = self.DeclareDiscreteState(
-            BasicVector(model.forecast(initial, **self._span).first)
-        )
+        first = model.forecast(initial, **self._span).first
+        self._chi_index = self.DeclareDiscreteState(BasicVector(first))
         self._step = self._declare_step(self._take_sample)
         self.DeclareAbstractOutputPort(
             "forecast", Value[object], self._calc_forecast, {self._step.ticket()}
@@ -180,9 +179,8 @@ class ResidualPredictor(MemorySystem):
         delay = self._delay_port.Eval(context)[0]
         if delay == 0.0 or not np.all(np.isfinite(sample.x)):
             return memory, self._forecast(context, memory)
-        later, start = self._look_ahead(
-            memory, sample.x, self._sent_port.Eval(context).reshape(KEPT, 4), delay
-        )
+        sent = self._sent_port.Eval(context).reshape(KEPT, 4)
+        later, start = self._look_ahead(memory, sample.x, sent, delay)
         return memory, dc.replace(self._forecast(context, later), start=start)
 
     def _forecast(self, context, memory: Memory) -> WrenchForecast:

@@ -69,13 +69,11 @@ def add_rotors(
     )
     ports = RotorPorts(command, command, None)
     if chain:
-        actuators = builder.AddNamedSystem(
-            "actuators", ActuatorEffects(vehicle, chain, hover_thrust, spans=spans)
-        )
+        system = ActuatorEffects(vehicle, chain, hover_thrust, spans=spans)
+        actuators = builder.AddNamedSystem("actuators", system)
         builder.Connect(command, actuators.get_input_port())
-        ports = RotorPorts(
-            *(actuators.GetOutputPort(name) for name in ("thrust", "nominal_thrust", "rotor_rate"))
-        )
+        names = ("thrust", "nominal_thrust", "rotor_rate")
+        ports = RotorPorts(*(actuators.GetOutputPort(name) for name in names))
     kappa = vehicle.torque_coefficient / vehicle.thrust_coefficient
     index = plant.GetBodyByName("quadrotor").index()
     info = [
@@ -258,11 +256,8 @@ class ActuatorEffects(LeafSystem):
 
     def _given(self, context) -> tuple[np.ndarray, np.ndarray, float]:
         """Return state, command [N] and time [s]."""
-        return (
-            context.get_continuous_state_vector().CopyToVector(),
-            self._command_port.Eval(context),
-            context.get_time(),
-        )
+        state = context.get_continuous_state_vector().CopyToVector()
+        return state, self._command_port.Eval(context), context.get_time()
 
     def _rate(self, stage: "Stage", state: np.ndarray, command: np.ndarray, t: float) -> np.ndarray:
         """Return the rate of a stage's state; `command` is that of the chain [N]."""

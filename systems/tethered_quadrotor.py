@@ -101,9 +101,8 @@ def make_tethered_quadrotor(
         f"make_tethered_quadrotor: a cable with mass must hang from the start; got {hangs_at} s.",
     )
     builder = DiagramBuilder()
-    plant = builder.AddSystem(
-        make_plant(vehicle, payload, acting(mass_effects, onsets, 0.0), add_bodies=add_bodies)
-    )
+    first = acting(mass_effects, onsets, 0.0)
+    plant = builder.AddSystem(make_plant(vehicle, payload, first, add_bodies=add_bodies))
     state = builder.AddNamedSystem("state", VehicleState(plant))
     builder.Connect(plant.get_state_output_port(), state.get_input_port())
     carried = plant.CalcTotalMass(plant.CreateDefaultContext()) + payload.rope_mass

@@ -154,7 +154,8 @@ class VehicleForces(LeafSystem):
         self.DeclareVectorOutputPort("nominal_thrust", 4, self._calc_nominal_thrust, speed)
 
     def _calc_target(self, context, output) -> None:
-        output.SetFromVector(MotorLag().state_at(self._vehicle, self._command_port.Eval(context)))
+        command = self._command_port.Eval(context)
+        output.SetFromVector(MotorLag().state_at(self._vehicle, command))
 
     def _calc_force(self, context, output) -> None:
         holds = 0.0 if self._holds_port is None else self._holds_port.Eval(context)[0]

@@ -71,9 +71,8 @@ class WrenchEffects(LeafSystem):
 
     def _calc_force(self, context, output) -> None:
         given = (context.get_time(), self._x_port.Eval(context), self._thrust_port.Eval(context))
-        motion = Motion(
-            *given, **{n: p.Eval(context) for n, p in self._optional.items() if p.HasValue(context)}
-        )
+        ports = self._optional.items()
+        motion = Motion(*given, **{n: p.Eval(context) for n, p in ports if p.HasValue(context)})
         effects = acting(self._effects, self._onsets, float(motion.t))
         chi, force = total_wrench(self._vehicle, effects, motion), np.zeros(self._size)
         force[:3], force[3:6] = motion.R_WB @ chi[3:], chi[:3]

@@ -55,9 +55,8 @@ class WrenchOracle(LeafSystem):
         super().__init__()
         self._model, self._config, self._fine = model, config, period / FINE
         self._dynamics = DiscreteDynamics(model.believed, self._fine)
-        self._state_port = self.DeclareVectorInputPort(
-            "plant_state", 13 if model.payload is None else 26
-        )
+        size = 13 if model.payload is None else 26
+        self._state_port = self.DeclareVectorInputPort("plant_state", size)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
         self._plan = PlanPorts(self, horizon=config.horizon, step=config.step, age=period)
         self._x_port = self.DeclareVectorInputPort("x", 13)
@@ -78,15 +77,13 @@ class WrenchOracle(LeafSystem):
         )
 
     def _now(self, context, plan: Plan) -> WrenchForecast:
-        return constant_forecast(
-            self._wrench(context, plan.x, plan.u, self._config.step), self._config.horizon
-        )
+        chi = self._wrench(context, plan.x, plan.u, self._config.step)
+        return constant_forecast(chi, self._config.horizon)
 
     def _later(self, context, plan: Plan, delay: float) -> WrenchForecast:
         """Return the forecast along the commands that are on their way, and then along the plan."""
-        under_way = commands_under_way(
-            self._sent_port.Eval(context).reshape(KEPT, 4), round(delay / self._fine)
-        )
+        sent = self._sent_port.Eval(context).reshape(KEPT, 4)
+        under_way = commands_under_way(sent, round(delay / self._fine))
         x = self._x_port.Eval(context)
         chi = self._wrench(context, np.stack([x, x]), under_way[:1], self._fine)
         path = self._path(x, under_way, np.repeat(chi, len(under_way), axis=0))
@@ -127,7 +124,8 @@ class WrenchOracle(LeafSystem):
         if self._model.payload is None:
             return None
         hook = attitude.rotate(s[0:4], np.array(self._model.payload.hook))
-        return s[11:14] - s[4:7] - hook, s[23:26] - s[17:20] - np.cross(s[14:17], hook)
+        r = s[11:14] - s[4:7] - hook
+        return r, s[23:26] - s[17:20] - np.cross(s[14:17], hook)
 
 
 def _finer(x: np.ndarray, parts: int) -> np.ndarray:

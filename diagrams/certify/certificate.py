@@ -303,7 +303,8 @@ def border(part: np.ndarray) -> np.ndarray:
     none.
     """
     around = np.pad(part, 1, mode="edge")
-    edge = part & ~(around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:])
+    inner = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
+    edge = part & ~inner
     return np.argwhere(edge if edge.any() else part)
 
 
@@ -328,7 +329,8 @@ def _fly(
     for case, found in zip(cases, every_result(records), strict=True):
         drawn, outside = found.pop("drawn"), not found["lost"] and found["peak"] > within
         line = {"stage": stage, "shares": case["shares"], **found, "outside": outside}
-        lines.append({**line, "failed": found["lost"] or found["grounded"] or outside, **drawn})
+        failed = found["lost"] or found["grounded"] or outside
+        lines.append({**line, "failed": failed, **drawn})
     return lines
 
 
@@ -397,9 +399,8 @@ def certify(
     def fly_in(chosen: np.ndarray, stage: str) -> None:
         """Fly one flight in each of the cells (n, 2)."""
         shares = (chosen + rng.random(chosen.shape)) / shape
-        places = np.concatenate(
-            [shares[:, : len(over)], rng.random((len(chosen), max(len(over) - 2, 0)))], axis=1
-        ).tolist()
+        more = rng.random((len(chosen), max(len(over) - 2, 0)))
+        places = np.concatenate([shares[:, : len(over)], more], axis=1).tolist()
         found = _fly(run, config, over, places, first=len(lines), stage=stage, within=within)
         np.add.at(failed, tuple(chosen.T), [line["failed"] for line in found])
         np.add.at(count, tuple(chosen.T), 1)

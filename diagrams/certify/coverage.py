@@ -97,10 +97,8 @@ def known_by_firmware(case: Case) -> dict[str, Any]:
     found = identified_vehicle(identify(logs, base, mass=base.mass), "identified")
     true = scenario("circle", "betaflight", base, SCORED)
     true.controller.vehicle = found
-    return {
-        "told": scenario_content(scenario("circle", "rate_loop", found, SCORED)),
-        "true": scenario_content(true),
-    }
+    told = scenario("circle", "rate_loop", found, SCORED)
+    return {"told": scenario_content(told), "true": scenario_content(true)}
 
 
 def in_band(told: pd.DataFrame, seen: pd.DataFrame) -> float:

@@ -133,9 +133,8 @@ def read_answered_cases(answers: Path, truth: Path, least: float = VISIBLE) -> l
             len(known["effects"]) == len(known["class"]),
             f"{truth / name / TRUTH_FILE}: class must hold one for each effect.",
         )
-        cases.append(
-            AnsweredCase(str(name), known, read_answer(answers / name / ANSWER_FILE, ANSWER), least)
-        )
+        answer = read_answer(answers / name / ANSWER_FILE, ANSWER)
+        cases.append(AnsweredCase(str(name), known, answer, least))
     return cases
 
 

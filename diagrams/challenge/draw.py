@@ -100,9 +100,8 @@ class Case:
 
     def instants(self, file: str) -> np.ndarray:
         """Return the times (n,) of the rows of a flight, before any is dropped [s]."""
-        return self.quality.instants(
-            self.draw.stream(self.seed, _SENSORS, FILES.index(file) + 1), self.seconds
-        )
+        rng = self.draw.stream(self.seed, _SENSORS, FILES.index(file) + 1)
+        return self.quality.instants(rng, self.seconds)
 
     def effects_of(self, file: str) -> list[Effect]:
         """Return the effects as they act in one flight: what is random (a gust) differs from flight

@@ -66,10 +66,8 @@ class DrakeWorld:
         self.command(vehicle.hover_input)
         self._own = self._plant.GetMyMutableContextFromRoot(self._root)
         instance = self._plant.GetBodyByName("quadrotor").model_instance()
-        self._ports = (
-            self._plant.get_state_output_port(),
-            self._plant.get_generalized_acceleration_output_port(instance),
-        )
+        acceleration = self._plant.get_generalized_acceleration_output_port(instance)
+        self._ports = (self._plant.get_state_output_port(), acceleration)
 
     def start(self, t: float, x: np.ndarray, before: "DrakeWorld | None" = None) -> None:
         """Put the vehicle into a state (13,) at t [s]; a payload hangs still under the moving hook.
@@ -84,10 +82,8 @@ class DrakeWorld:
             hook_W = attitude.rotate(q, np.array(self._payload.hook))
             stretch = self._payload.mass * self._vehicle.gravity / self._payload.stiffness
             p_WP = x[0:3] + hook_W - [0.0, 0.0, self._payload.length + stretch]
-            placed["payload"] = (
-                RigidTransform(p_WP),
-                SpatialVelocity(np.zeros(3), v + np.cross(w_W, hook_W)),
-            )
+            v_WP = v + np.cross(w_W, hook_W)
+            placed["payload"] = RigidTransform(p_WP), SpatialVelocity(np.zeros(3), v_WP)
         for name, (X_WB, V_WB) in placed.items():
             body = self._plant.GetBodyByName(name)
             self._plant.SetFreeBodyPose(self._own, body, X_WB)
@@ -96,10 +92,8 @@ class DrakeWorld:
             self.command(before._acting)
             if self._real.HasSubsystemNamed("actuators"):
                 actuators = self._real.GetSubsystemByName("actuators")
-                actuators.rest_at(
-                    actuators.GetMyMutableContextFromRoot(self._root),
-                    before._eval("nominal_rotor_thrust"),
-                )
+                own = actuators.GetMyMutableContextFromRoot(self._root)
+                actuators.rest_at(own, before._eval("nominal_rotor_thrust"))
 
     def _eval(self, port: str) -> np.ndarray:
         return self._real.GetOutputPort(port).Eval(self._root)
@@ -110,9 +104,8 @@ class DrakeWorld:
 
     def speed(self) -> np.ndarray:
         """Return the rotor speeds (4,) [rad/s]."""
-        return np.sqrt(
-            np.maximum(self._eval("nominal_rotor_thrust"), 0.0) / self._vehicle.thrust_coefficient
-        )
+        thrust = np.maximum(self._eval("nominal_rotor_thrust"), 0.0)
+        return np.sqrt(thrust / self._vehicle.thrust_coefficient)
 
     def reading(self) -> np.ndarray:
         """Return (19,) state of Bo, its acceleration in W and dw/dt in B."""
@@ -188,7 +181,8 @@ def fly(
     interpolates = simulator == "drake"
     step, margin = float(np.median(np.diff(t))), MARGIN if interpolates else max(offset, 0.0)
     before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
-    rows = np.concatenate([before, t, t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))])
+    after = t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))
+    rows = np.concatenate([before, t, after])
     split = 0 if onset is None else int(np.searchsorted(rows, onset - 1e-9))
     make: type = DrakeWorld
     if simulator == "rotorpy":

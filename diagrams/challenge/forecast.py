@@ -48,16 +48,14 @@ def _segments(flights: Sequence[Opened]) -> list[Segment]:
 
 def _paper(flights: Sequence[Opened]) -> NeuralPredictor:
     """Return the predictor of the paper with its usual settings, but for the window."""
-    return NeuralPredictor(
-        train(_segments(flights), make_config(PAPER, window=HISTORY)).model, torque="predict"
-    )
+    model = train(_segments(flights), make_config(PAPER, window=HISTORY)).model
+    return NeuralPredictor(model, torque="predict")
 
 
 def _learned(flights: Sequence[Opened]) -> PayloadFilter:
     """Return the packaged learned bank on the vehicle of these flights."""
-    return PayloadFilter(
-        train_payload_filter(flights, step=STEP, prior=PayloadFilterModel.load(NP_MODEL))
-    )
+    prior = PayloadFilterModel.load(NP_MODEL)
+    return PayloadFilter(train_payload_filter(flights, step=STEP, prior=prior))
 
 
 ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
@@ -98,9 +96,8 @@ def square_errors(model: ResidualModel, opened: Opened, motion: str) -> dict[str
     model that reads labels of its own low-pass gets these; the targets stay. motion: of `MOTIONS`.
     """
     flight = sampled_flight(*opened, step=STEP)
-    seen = sampled_flight(
-        *opened, step=STEP, label=model.label if isinstance(model, ReadsLabels) else None
-    )
+    label = model.label if isinstance(model, ReadsLabels) else None
+    seen = sampled_flight(*opened, step=STEP, label=label)
     goal = np.full((len(flight) - HISTORY, len(HORIZONS), 6), np.nan)
     for i, h in enumerate(HORIZONS):
         goal[: max(len(flight) - HISTORY - h, 0), i] = flight.chi[HISTORY + h :]
@@ -135,7 +132,8 @@ def pooled(found: Mapping[tuple[str, str], Mapping[str, Mapping]]) -> list[dict[
     flights, lines = list(next(iter(found.values()))), []
     even = [1 / len(flights)] * len(flights)
     drawn = np.random.default_rng(0).multinomial(len(flights), even, DRAWS)
-    for (row, motion), own in sorted(found.items(), key=lambda item: MOTIONS.index(item[0][1])):
+    by_motion = sorted(found.items(), key=lambda item: MOTIONS.index(item[0][1]))
+    for (row, motion), own in by_motion:
         square, base = (
             np.array([of[flight]["square"] for flight in flights])
             for of in (own, found[PERSISTENCE, motion])

@@ -189,7 +189,8 @@ KINDS: dict[str, Callable[[np.random.Generator, float], Reference]] = {
 
 def draw_plan(rng: np.random.Generator, vehicle: Vehicle, seconds: float, kind: str) -> Plan:
     """Draw one flight of a kind of `KINDS` that a nominal vehicle can fly for that time [s]."""
-    return Plan(kind, KINDS[kind](rng, seconds), _draw_heading(rng)).within_limits(vehicle, seconds)
+    reference = KINDS[kind](rng, seconds)
+    return Plan(kind, reference, _draw_heading(rng)).within_limits(vehicle, seconds)
 
 
 def draw_plans(
@@ -198,10 +199,8 @@ def draw_plans(
     """Draw flights of different kinds, so that training and held-out flights differ; one hover in a
     case at most.
     """
-    return [
-        draw_plan(rng, vehicle, seconds, str(kind))
-        for kind in rng.permutation(list(KINDS))[:flights]
-    ]
+    kinds = rng.permutation(list(KINDS))[:flights]
+    return [draw_plan(rng, vehicle, seconds, str(kind)) for kind in kinds]
 
 
 def _draw_heading(rng: np.random.Generator) -> Heading:

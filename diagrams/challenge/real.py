@@ -192,9 +192,8 @@ def by_blocks(group: str, files: Sequence[Path]) -> Iterator[Case]:
     blocks = numbered_blocks(files)
     for i, block in enumerate(blocks):
         for other in following(blocks, i, 1) if len(block) > 1 else ():
-            yield Case(
-                group, f"{block_name(block)} -> {block_name(other)}", tuple(block[:2]), other[0]
-            )
+            name = f"{block_name(block)} -> {block_name(other)}"
+            yield Case(group, name, tuple(block[:2]), other[0])
     yield from across_blocks(group, files)
 
 

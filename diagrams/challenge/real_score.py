@@ -63,7 +63,8 @@ def effects_of(answer: Mapping[str, Any], names: Iterable[str]) -> list[Effect]:
 def mean_force(flights: Iterable[FlightLog], vehicle: Vehicle) -> np.ndarray:
     """Return the mean force that the nominal model leaves, over flights, (3,) in W [N]."""
     residuals = [make_flight_residuals(log, vehicle) for log in flights]
-    return np.mean([(e.R_WB @ e.y[:, :3, None])[..., 0].mean(axis=0) for e in residuals], axis=0)
+    forces = [(e.R_WB @ e.y[:, :3, None])[..., 0].mean(axis=0) for e in residuals]
+    return np.mean(forces, axis=0)
 
 
 def force_of(log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect]) -> np.ndarray:
@@ -149,7 +150,8 @@ def score_case(
         answer = read_answer(answers / case.folder / ANSWER_FILE, REAL_ANSWER)
     methods = {} if answer is None else {THIS: scored(answer, truth, [log.name for log in train])}
     if case.still:
-        force = mean_force(train, vehicle) - mean_force(campaign.logs(case.still), vehicle)
+        calm = mean_force(campaign.logs(case.still), vehicle)
+        force = mean_force(train, vehicle) - calm
         found["force"] = force.tolist()
         for own in methods.values():
             effects = effects_of(answer or {}, own["causes"])
@@ -231,11 +233,8 @@ def library_columns(flights: Sequence[FlightResiduals]) -> list[Columns]:
     ]
     force = np.concatenate([e.R_WB.transpose(0, 2, 1) for e in flights])
     wind = np.concatenate([force, np.zeros_like(force)], axis=1)
-    return [
-        *[(name, X) for name, X in found if np.any(X)],
-        *payload_columns(flights),
-        ("constant_wind", wind),
-    ]
+    acting = [(name, X) for name, X in found if np.any(X)]
+    return [*acting, *payload_columns(flights), ("constant_wind", wind)]
 
 
 def payload_columns(flights: Sequence[FlightResiduals]) -> list[Columns]:

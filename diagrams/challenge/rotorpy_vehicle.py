@@ -184,9 +184,8 @@ class RotorPyWorld(Multirotor):
 
     def _rotor_speeds(self, u: np.ndarray) -> np.ndarray:
         """Return the rotor speeds (4,) that a nominal vehicle needs [rad/s]."""
-        return np.sqrt(
-            np.clip(self._vehicle.unmixer @ u, 0.0, np.inf) / self._vehicle.thrust_coefficient
-        )
+        thrust = np.clip(self._vehicle.unmixer @ u, 0.0, np.inf)
+        return np.sqrt(thrust / self._vehicle.thrust_coefficient)
 
     def start(self, t: float, x: np.ndarray, before: "RotorPyWorld | None" = None) -> None:
         """Put the vehicle into a state (13,) at t [s]; a payload hangs still under the moving hook,
@@ -233,7 +232,8 @@ class RotorPyWorld(Multirotor):
             k1 = self._rate(self._t, s)
             k2 = self._rate(middle, s + 0.5 * h * k1)
             k3 = self._rate(middle, s + 0.5 * h * k2)
-            self._s = s + h / 6 * (k1 + 2 * (k2 + k3) + self._rate(self._t + h, s + h * k3))
+            k4 = self._rate(self._t + h, s + h * k3)
+            self._s = s + h / 6 * (k1 + 2 * (k2 + k3) + k4)
             self._s[Q] /= math.sqrt(float(self._s[Q] @ self._s[Q]))
             self._t += h
         self._t = t

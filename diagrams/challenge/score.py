@@ -441,7 +441,8 @@ def logistic(visibility: np.ndarray, found: np.ndarray, steps: int = 60) -> tupl
     for _ in range(steps):
         p = scipy.special.expit(design @ theta)
         gradient = design.T @ (found - p) - penalty @ theta
-        step = np.linalg.solve((design * (p * (1 - p))[:, None]).T @ design + penalty, gradient)
+        curvature = (design * (p * (1 - p))[:, None]).T @ design + penalty
+        step = np.linalg.solve(curvature, gradient)
         theta = theta + step / max(1.0, float(np.abs(step).max()) / 2.0)
     return float(theta[0]), float(theta[1])
 

@@ -92,11 +92,8 @@ class Collinearity:
             payload_about(self._flights, payload_of(length, onset), Priors(), shaped=False)
             for length in TETHERS.tolist()
         ]
-        return [
-            *plain,
-            *wind_candidates(self._flights, plain, onset),
-            *(p.candidate(self._flights) for p in payloads),
-        ]
+        winds = wind_candidates(self._flights, plain, onset)
+        return [*plain, *winds, *(p.candidate(self._flights) for p in payloads)]
 
     def _mirror_images(self, term: Term, onset: Onset) -> list[Candidate]:
         """Return a delay and a clock offset of the size of the given shift, because they are not
@@ -142,7 +139,8 @@ class FlightPair:
         """Take both logs of a flight, with the same rows, from where the measured one counts."""
         measured, true = (dc.replace(log, name=file) for log in (noisy, exact))
         self.measured = make_flight_residuals(measured, case.vehicle)
-        self.true = make_flight_residuals(true, case.vehicle, since=float(self.measured.t[0]))
+        since = float(self.measured.t[0])
+        self.true = make_flight_residuals(true, case.vehicle, since=since)
         self.errors = self.measured.y - self.true.y
         self.noise = np.sqrt(np.mean(self.errors**2, axis=0))
         off = [Term(effect) for effect in case.quality.background(case.vehicle)]
@@ -190,9 +188,8 @@ class GroundTruth:
         if self.case.draw.kind != OUT_OF_LIBRARY:
             return []
         trace = {file: pair.true.y - pair.background for file, pair in self.flights.items()}
-        return self._collinearity(FILES).effects_of(
-            trace, (NO_GAP**2 - 1.0) * sum(len(y) for y in trace.values())
-        )
+        within = (NO_GAP**2 - 1.0) * sum(len(y) for y in trace.values())
+        return self._collinearity(FILES).effects_of(trace, within)
 
     def collinear_class(self) -> list[list[str]]:
         """Return per effect the names that are physically the same in the training flights, its own

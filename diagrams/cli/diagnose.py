@@ -208,7 +208,8 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
 
 def notes(diagnosis: Diagnosis) -> list[str]:
     """Return the sensors that were assumed."""
-    sensors = {"rig": "real", "laboratory": "ideal"}.get(diagnosis.judged_as, diagnosis.judged_as)
+    named = {"rig": "real", "laboratory": "ideal"}
+    sensors = named.get(diagnosis.judged_as, diagnosis.judged_as)
     return [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
 
 
@@ -361,7 +362,8 @@ def doctor(
             if found.sheet is not None
             for log in found.flights
         }
-        report = examine(flights, nominal, sheets=sheets, on_progress=part_of(advance, 0.3, 0.7))
+        examining = part_of(advance, 0.3, 0.7)
+        report = examine(flights, nominal, sheets=sheets, on_progress=examining)
         advance(1.0)
     tell(*(f"not usable: {failure}" for failure in failures[1:]))
     named = None if nominal is None else nominal.name
@@ -376,7 +378,8 @@ def doctor(
 
 def _usable(report: LogReport) -> list[str]:
     """Return whether the logs are usable, and what limits their use."""
-    head = f"{len(report.flights)} flights" if len(report.flights) > 1 else report.flights[0].name
+    several = len(report.flights) > 1
+    head = f"{len(report.flights)} flights" if several else report.flights[0].name
     judged = f", {report.vehicle}, {report.sensors} sensors" if report.sensors else ""
     usable = "yes, with limits" if report.problems else "yes"
     return [

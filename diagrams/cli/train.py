@@ -218,9 +218,8 @@ def _learn_reaction(
 
     settings: dict[str, Any] = {"seed": seed}
     settings |= {"epochs": epochs} if epochs and name == KNODE else {}
-    model, loss = behind_bar(
-        f"training {name}", partial(train_motion_model, name, flights, step=step, **settings)
-    )
+    learn = partial(train_motion_model, name, flights, step=step, **settings)
+    model, loss = behind_bar(f"training {name}", learn)
     model.save(out)
     rmse = ", ".join(f"{value:.4g}" for value in model.summary["label_rmse"])
     rows: list[tuple] = [("against the labels, RMSE [N, N·m]", rmse)]

@@ -125,7 +125,8 @@ def presets() -> None:
         source = re.split(r",| for |;", source)[0].rstrip(".")
         arm, ratio = 100 * scales(known).length, numbers(known).thrust_to_weight
         rows.append((name, known.mass, arm, ratio, source))
-    print_table("vehicles", ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"], rows)
+    header = ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"]
+    print_table("vehicles", header, rows)
 
 
 @vehicle.command("show")
@@ -140,7 +141,8 @@ def show(
     known = load_vehicle(name)
     say(vehicle_file(name).read_text(encoding="utf-8").rstrip("\n"), "")
     rows = [(row.field, row.value, row.interval, row.source) for row in vehicle_rows(name)]
-    print_table(f"{known.name}: values", ["field", "value", "95 % interval", "source"], rows)
+    header = ["field", "value", "95 % interval", "source"]
+    print_table(f"{known.name}: values", header, rows)
     print_table(known.name, ["quantity", "value"], _scale_rows(known))
 
 

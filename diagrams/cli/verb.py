@@ -290,7 +290,8 @@ def tell(*lines: str) -> None:
     """Print sentences on stdout, broken between words."""
     for line in lines:
         width = console().width
-        say(*(textwrap.wrap(line, width, break_long_words=False, break_on_hyphens=False) or [""]))
+        broken = textwrap.wrap(line, width, break_long_words=False, break_on_hyphens=False)
+        say(*(broken or [""]))
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -364,9 +365,8 @@ def require_outputs(*files: Path, folders: Sequence[Path] = ()) -> None:
             f"{twice[0]}: must be named by one option alone; two files are to be written there."
         )
     for folder in folders:
-        there = next(
-            path for path in (folder.absolute(), *folder.absolute().parents) if lexists(path)
-        )
+        above = (folder.absolute(), *folder.absolute().parents)
+        there = next(path for path in above if lexists(path))
         require(
             there.is_dir(),
             f"{there}: must be a folder; it is a file, or a link to nothing.",

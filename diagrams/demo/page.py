@@ -79,9 +79,8 @@ def foretold(demo: Demo) -> Figure:
         ax.grid(alpha=0.3)
         ax.margins(x=0)
     grid[-1, 0].set_xlabel("time [s]")
-    figure.legend(
-        *grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False
-    )
+    shown = grid[0, 0].get_legend_handles_labels()
+    figure.legend(*shown, loc="outside upper center", ncols=3, frameon=False)
     return figure
 
 
@@ -146,9 +145,8 @@ def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
             told, unit = words.NOTHING, words.unit_of(cause, estimate)
             if true is not None:  # with the digits of the interval
                 half = 0.5 * (high - low)
-                told = words.estimate(
-                    Estimate(true, estimate.unit, (true - half, true + half)), unit
-                )[0]
+                exact = Estimate(true, estimate.unit, (true - half, true + half))
+                told = words.estimate(exact, unit)[0]
             rows.append((*first, parameter, *words.estimate(estimate, unit), told))
             first = ("", "")
     if UNKNOWN in demo.diagnosis.verdict:

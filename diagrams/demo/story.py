@@ -212,11 +212,8 @@ def _diagnose(
     found = diagnose(vehicle, train, held_out, replay, adaptive_split=False)
     beside = side_by_side(found, vehicle, held_out, replay)
     world = corrected_simulator(found, vehicle).reality
-    return (
-        found,
-        beside,
-        {("corrected", row.kind): in_simulator(world, row.kind)() for row in FORETOLD},
-    )
+    flown = {("corrected", row.kind): in_simulator(world, row.kind)() for row in FORETOLD}
+    return found, beside, flown
 
 
 def diagnosed(flight: FlightResult) -> FlightLog:
@@ -229,6 +226,5 @@ def diagnosed(flight: FlightResult) -> FlightLog:
 def until(flight: FlightResult, seconds: float) -> FlightResult:
     """Return the flight up to `seconds` after its ramp."""
     rows = flight.signals["t"] < flight.config.reference.lead + seconds - 1e-9
-    return dc.replace(
-        flight, signals={name: signal[rows] for name, signal in flight.signals.items()}
-    )
+    signals = {name: signal[rows] for name, signal in flight.signals.items()}
+    return dc.replace(flight, signals=signals)

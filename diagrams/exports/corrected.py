@@ -67,9 +67,8 @@ class Corrected:
         """Linear drag (3,) d of f = -d v at the rotor speed that hovers, part of `rotor_inflow`
         included [N·s/m].
         """
-        drag = self.linear * np.sqrt(
-            self.hover_thrust / (self.vehicle.mass * self.vehicle.gravity / 4)
-        )
+        nominal = self.vehicle.mass * self.vehicle.gravity / 4
+        drag = self.linear * np.sqrt(self.hover_thrust / nominal)
         speed = np.sqrt(self.hover_thrust / self.vehicle.thrust_coefficient)
         drag[2] += 4 * 0.5 * self.inflow * speed
         return drag

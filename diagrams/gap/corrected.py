@@ -61,9 +61,8 @@ def _entry(cause: Cause) -> EffectEntry | None:
     if onsets and not seen:
         return None
     onset = float(np.median(seen)) if seen and min(seen) > 0 else None
-    return dc.replace(
-        EffectEntry.of(cause.effect, onset=onset, probability=cause.probability), onsets=onsets
-    )
+    entry = EffectEntry.of(cause.effect, onset=onset, probability=cause.probability)
+    return dc.replace(entry, onsets=onsets)
 
 
 def remaining_disturbance(where: Localisation) -> DisturbanceConfig:

@@ -126,9 +126,8 @@ def add_controller(
     if is_oracle:
         if truth is None:
             raise ValueError("controller: the oracle needs the real vehicle; there is none here.")
-        predictor = builder.AddNamedSystem(
-            "oracle", WrenchOracle(truth[1], config.mpc, period=period)
-        )
+        oracle = WrenchOracle(truth[1], config.mpc, period=period)
+        predictor = builder.AddNamedSystem("oracle", oracle)
         connect(builder, truth[0], predictor, "plant_state", "rotor_thrust")
         if delay is not None:
             connect(builder, rig, predictor, "x")
@@ -289,7 +288,8 @@ def kind_of_model(path: str) -> str:
     """
     if schema_of(path) == motion_model.SCHEMA:
         return motion_model.MotionModel.load(path).name
-    return PAYLOAD_FILTER if load_np(path).model.configuration == PAYLOAD_FILTER else "np"
+    filters = load_np(path).model.configuration == PAYLOAD_FILTER
+    return PAYLOAD_FILTER if filters else "np"
 
 
 def load_np(path: str | Path) -> NeuralPredictorModel | PayloadFilter:
@@ -326,9 +326,8 @@ def _learned(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
         _require_fit(found.model, found.step, config, vehicle)
         return found
     _require_fit(found.model, found.step, config, vehicle, found.label)
-    return PayloadFilter(
-        dc.replace(found.model, rotor_lag=vehicle.rotor_time_constant or found.rotor_lag)
-    )
+    lag = vehicle.rotor_time_constant or found.rotor_lag
+    return PayloadFilter(dc.replace(found.model, rotor_lag=lag))
 
 
 def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> motion_model.MotionModel:

@@ -182,11 +182,8 @@ class FlightConfig:
         """Return the flight in another reality, as much higher as its payload hangs lower there."""
         lower = reality.hung.reach - self.reality.hung.reach
         more = max(lower, 0.0) if reality.hung.tether != "none" else 0.0
-        return dc.replace(
-            self,
-            reality=reality,
-            reference=dc.replace(self.reference, height=self.reference.height + more),
-        )
+        reference = dc.replace(self.reference, height=self.reference.height + more)
+        return dc.replace(self, reality=reality, reference=reference)
 
     def with_autopilot(self, kind: str) -> "FlightConfig":
         """Return the flight with an autopilot, whose controller commands body rates.
@@ -278,11 +275,8 @@ class FlightConfig:
         """Thrust of all rotors at the end; what fails in flight may fail altogether, and does not
         count [N].
         """
-        return (
-            4
-            * self.vehicle.max_rotor_thrust
-            * self.reality.thrust_at(self.vehicle, self.end, failing=False)
-        )
+        share = self.reality.thrust_at(self.vehicle, self.end, failing=False)
+        return 4 * self.vehicle.max_rotor_thrust * share
 
     @property
     def largest_step(self) -> float:

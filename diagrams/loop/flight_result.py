@@ -197,7 +197,8 @@ class FlightResult:
         if "chi_hat" not in self.signals:
             return None
         rows = round(self.delay / self.config.controller.period)
-        return self.signals["chi_hat"][np.maximum(np.arange(len(self.signals["t"])) - rows, 0)]
+        k = np.maximum(np.arange(len(self.signals["t"])) - rows, 0)
+        return self.signals["chi_hat"][k]
 
     @cached_property
     def payload_position(self) -> np.ndarray | None:
@@ -283,9 +284,8 @@ class FlightResult:
 
     def summary(self) -> dict:
         """Return the `fly` object of `--json` (docs/reference/files.md)."""
-        return {"experiment": self.config.name, "controller": self.label, "seed": self.seed} | {
-            "metrics": self.metrics()
-        }
+        named = {"experiment": self.config.name, "controller": self.label, "seed": self.seed}
+        return named | {"metrics": self.metrics()}
 
 
 def fly(

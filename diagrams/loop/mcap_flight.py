@@ -75,9 +75,8 @@ def _messages(flight: FlightResult) -> Iterator[tuple[str, int, Any]]:
     """Yield topic, time [ns] and content: numbers by name, or a message of Foxglove's."""
     s, every = flight.signals, max(1, round(1 / PATH_RATE / flight.config.controller.period))
     x, p_WP, numbers = s["x_true"], flight.payload_position, _signals(flight)
-    hooks = x[:, :3] + attitude.rotation_matrix(x[:, 3:7]) @ np.array(
-        flight.config.reality.payload.hook
-    )
+    hook = np.array(flight.config.reality.payload.hook)
+    hooks = x[:, :3] + attitude.rotation_matrix(x[:, 3:7]) @ hook
     for k, when in enumerate(np.round(1e9 * s["t"]).astype(np.int64).tolist()):
         if k == 0:
             yield "/scene", when, _fox().SceneUpdate(entities=_bodies(flight, s["p_ref"][::every]))
@@ -180,11 +179,8 @@ def _solid(
     p: Sequence[float] | np.ndarray, size: Sequence[float], color: Sequence[float]
 ) -> dict[str, Any]:
     """Return place, size (3,) [m] and colour of a cube, sphere or cylinder about p (3,) [m]."""
-    return {
-        "pose": _pose(p),
-        "size": _vector("Vector3", "xyz", size),
-        "color": _vector("Color", "rgba", (*color, 1.0)),
-    }
+    shown = _vector("Color", "rgba", (*color, 1.0))
+    return {"pose": _pose(p), "size": _vector("Vector3", "xyz", size), "color": shown}
 
 
 def _line(points: np.ndarray, color: Sequence[float]) -> Any:

@@ -143,7 +143,8 @@ class RealityConfig:
         if self.blows:
             effects.append(library.GustyWind(*self.wind, deviation=self.gust, seed=self.gust_seed))
         effects += split_effects(self.added).wrench
-        return [*effects, *([Disturbance(self.disturbance)] if self.disturbance.acts else [])]
+        gusts = [Disturbance(self.disturbance)] if self.disturbance.acts else []
+        return [*effects, *gusts]
 
     def actuator_effects(self) -> list[ActuatorEffect]:
         """Return the effects between command and thrust, in the order of action."""

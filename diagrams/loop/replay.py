@@ -114,9 +114,8 @@ def add_arrow(meshcat: Meshcat, path: str, radius: float, color: Rgba) -> None:
     meshcat.SetTransform(f"{path}/shaft", RigidTransform([0, 0, 0.375]))
     meshcat.SetObject(f"{path}/tip", MeshcatCone(0.25, 2.5 * radius, 2.5 * radius), color)
     # A cone stands on its tip.
-    meshcat.SetTransform(
-        f"{path}/tip", RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0, 0, 1.0])
-    )
+    X = RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0, 0, 1.0])
+    meshcat.SetTransform(f"{path}/tip", X)
 
 
 def add_trail(meshcat: Meshcat, path: str, points: np.ndarray, radius: float, color: Rgba) -> None:
@@ -158,7 +157,8 @@ def bar_pose(start: np.ndarray, vector: np.ndarray) -> tuple[RigidTransform, flo
     """
     length = float(np.linalg.norm(vector))
     axis = vector / length if length > 1e-9 else np.array([0.0, 0.0, 1.0])
-    return RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), start), max(length, SHORTEST)
+    X = RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), start)
+    return X, max(length, SHORTEST)
 
 
 def tether_pose(x: np.ndarray, hook: np.ndarray, p_WP: np.ndarray) -> tuple[RigidTransform, float]:
@@ -265,9 +265,8 @@ def write_page(meshcat: Meshcat, film: Film, page: Page, path: str | Path) -> No
     meshcat.SetAnimation(film)
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.filters["css"] = _css
-    over = environment.from_string(TEMPLATE.read_text("utf-8")).render(
-        page=page, numbers=_numbers(page)
-    )
+    template = environment.from_string(TEMPLATE.read_text("utf-8"))
+    over = template.render(page=page, numbers=_numbers(page))
     head, rest = meshcat.StaticHtml().split("<title>Drake MeshCat</title>", 1)
     body, end = rest.rsplit("</body>", 1)
     policy = f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'

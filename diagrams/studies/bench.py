@@ -154,9 +154,8 @@ def suite(
         vehicle, control = config.vehicle, config.controller
         patient = SqpSolver(vehicle, control.mpc, steps=30, max_steps=30, time_limit=1.0)
         solvers = make_solvers(vehicle, control.mpc)
-        reports[name] = run(
-            solvers, problems, optimum=patient, step=control.mpc.step, period=control.period
-        )
+        how = {"step": control.mpc.step, "period": control.period}
+        reports[name] = run(solvers, problems, optimum=patient, **how)
         sqp = next(line["median_ms"] for line in reports[name] if line["name"] == "sqp")
         spent = _times(prediction_times(config, signals))
         predictions.append({"suite": name, **spent, "ratio_to_sqp": spent["median_ms"] / sqp})

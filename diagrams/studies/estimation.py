@@ -110,10 +110,8 @@ def flight_errors(
     origins = np.arange(first, len(flight.chi) - 1)
     errors = column_rmse(forecasts(model, flight, origins, 1)[:, 0] - flight.chi[origins + 1])
     seen = of_wrenches(flight.chi, flight.zeta, flight.step)
-    return {
-        "errors": errors,
-        "stability": dc.asdict(walked_stability(NeuralPredictor(model), seen, model.window - 1)),
-    }
+    stability = walked_stability(NeuralPredictor(model), seen, model.window - 1)
+    return {"errors": errors, "stability": dc.asdict(stability)}
 
 
 Cells = dict[str, dict[str, dict[str, float]]]  # flight -> row -> column -> RMSE [N, N·m]
@@ -209,13 +207,8 @@ def window_figure(models: Mapping[str, LiftedModel], flight: Segment) -> Figure:
         curves = {row: (t, found[row][:, 0, c]) for row in OWN if row in found}
         axes = {"ylabel": f"{name} [{'N' if c < 3 else 'N·m'}]", "ylim": (-reach, reach)}
         panels.append([Panel(curves, axes, {"label": (t, label[:, c])})])
-    return panel_figure(
-        panels,
-        f"{1e3 * FAR * flight.step:.3g} ms ahead; time [s]",
-        width=9.0,
-        height=9.5,
-        sharex=True,
-    )
+    title = f"{1e3 * FAR * flight.step:.3g} ms ahead; time [s]"
+    return panel_figure(panels, title, width=9.0, height=9.5, sharex=True)
 
 
 SIZES = (1000, 2000, 3000, 4000, 5000, 6000)  # samples, as far as the segment goes [1]
@@ -236,7 +229,8 @@ CURVE.append({"row": "NeuroMHE", "samples": 4000, "force": 0.204, "torque": 0.00
 
 def pieces(segment: Segment, samples: int) -> list[Segment]:
     """Return all disjoint pieces of so many samples, from the start of the segment on."""
-    return [part(segment, k, k + samples) for k in range(0, len(segment) - samples + 1, samples)]
+    starts = range(0, len(segment) - samples + 1, samples)
+    return [part(segment, k, k + samples) for k in starts]
 
 
 def piece_errors(

@@ -69,9 +69,8 @@ def train_model(
         filters = train_payload_filter([(log, vehicle)], step=step, prior=prior)
         filters.save(path)
         return filters.summary
-    model = train_on_flights(
-        flights, make_config(configuration, seed=seed), step=step, label=label
-    ).model
+    config = make_config(configuration, seed=seed)
+    model = train_on_flights(flights, config, step=step, label=label).model
     save_model(model, path)
     return model.summary
 
@@ -115,14 +114,12 @@ def train_on_envelope(
     each trial [m]: the vehicle from its training circle, the priors from `count` drawn flights.
     """
     circle = fly(load_experiment(TRAINING, vehicle), seed=run.seed)
-    model = train_payload_filter(
-        [(scored_log(circle), vehicle)], step=circle.config.controller.period
-    )
+    step = circle.config.controller.period
+    model = train_payload_filter([(scored_log(circle), vehicle)], step=step)
 
     def error(bank: BankOptions) -> float:
-        work = partial(
-            flown_error, model=dc.replace(model, bank=bank), seed=run.seed, vehicle=vehicle
-        )
+        tried = dc.replace(model, bank=bank)
+        work = partial(flown_error, model=tried, seed=run.seed, vehicle=vehicle)
         found = [log for _, log in as_they_finish(work, range(count), run.workers.jobs)]
         logs = [log for log in found if log is not None]
         require(logs, "--envelope: this vehicle can fly none of what was drawn; draw more flights.")

@@ -158,9 +158,8 @@ def run(
         "training": {name: settings_of(training_config(name, **how)) for name in (PLAIN, DITHERED)},
     }
     scenarios = [{"track": track, "seed": seed} for track in TRACKS for seed in run.seeds]
-    _, records = fly_rows(
-        run, "tracking", rows, scenarios, partial(flown, **how), config=config, **world
-    )
+    work = partial(flown, **how)
+    _, records = fly_rows(run, "tracking", rows, scenarios, work, config=config, **world)
     summaries = [{"metrics": LOST, **result} for result in results(records)]
     laps: dict[tuple[str, str], dict[str, list]] = {}
     for summary in summaries:
@@ -414,12 +413,8 @@ def distances(runs: list[dict], seed: int) -> Figure:
         if run["seed"] == seed and "course" in run
     }
     axes = {"xlabel": "time since the impulse [s]", "ylabel": "payload from the origin [cm]"}
-    return panel_figure(
-        [[Panel(curves, axes)]],
-        f"Hover, impulse on the payload, seed {seed}",
-        width=7.5,
-        height=4.5,
-    )
+    title = f"Hover, impulse on the payload, seed {seed}"
+    return panel_figure([[Panel(curves, axes)]], title, width=7.5, height=4.5)
 
 
 def expected_step(config: FlightConfig) -> float:
@@ -491,7 +486,8 @@ def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
         }
         for name in SIGNALS:
             step = step_response(t, np.array([run[name] for run in mine]))
-            lines.append({**shared, "signal": name, **step, "error": step["size"] / wanted - 1.0})
+            off = step["size"] / wanted - 1.0
+            lines.append({**shared, "signal": name, **step, "error": off})
     return lines
 
 

@@ -223,9 +223,8 @@ class Readings:
         elif not is_felt:
             problem = f"no HIGHRES_IMU for {1e3 * limit:.0f} ms"
         if is_felt:
-            acceleration = np.concatenate(
-                [attitude.rotate(x[Q], self._inertial[-1].f) - self._gravity, self._turn_rate()]
-            )
+            a = attitude.rotate(x[Q], self._inertial[-1].f) - self._gravity
+            acceleration = np.concatenate([a, self._turn_rate()])
         if age < FORGOTTEN:
             self.ages.append(age)
             _bring(x, np.nan_to_num(acceleration), ages[0], ages[-1])
@@ -240,7 +239,8 @@ class Readings:
 
     def _compare(self, new: np.ndarray) -> None:
         """Take the vehicle as handed over where the commands in force change as those sent do."""
-        if self.engaged or not self.sent or np.abs(new - self._command.values).max() <= ALIKE:
+        is_same = np.abs(new - self._command.values).max() <= ALIKE
+        if self.engaged or not self.sent or is_same:
             return
         is_ours = np.abs(np.array(self.sent) - new).max(axis=1).min() <= ALIKE
         self._alike = self._alike + 1 if is_ours else 0
