@@ -211,8 +211,8 @@ def _finding(
 
 
 def equivalents(problem: RegressionProblem, model: Model) -> dict[str, tuple[str, ...]]:
-    """Return by effect of the model those that explain the logs as well in its place, and better
-    than nothing there.
+    """Return by effect of the model those that explain the logs as well in its place, where nothing
+    there does not.
 
     The best `MOST_ALTERNATIVES`, the best first.
     """
@@ -220,17 +220,16 @@ def equivalents(problem: RegressionProblem, model: Model) -> dict[str, tuple[str
     out: dict[str, tuple[str, ...]] = {}
     for i in model.members:
         own = problem.candidates[i]
-        if own.generic:
-            continue
         rest = tuple(j for j in model.members if j != i)
-        least = max(close, problem.score(rest))
+        if own.generic or problem.score(rest) > close:
+            continue
         found: dict[str, float] = {}
         for k, other in enumerate(problem.candidates):
             shared = set(other.identifiers) & set(own.identifiers)
             if other.generic or shared or not problem.fits_together((*rest, k)):
                 continue
             score, name = problem.score((*rest, k)), other.identifiers[-1]
-            if score > max(least, found.get(name, -np.inf)):
+            if score > max(close, found.get(name, -np.inf)):
                 found[name] = score
         out |= dict.fromkeys(
             own.identifiers, tuple(sorted(found, key=lambda n: -found[n])[:MOST_ALTERNATIVES])

@@ -307,6 +307,8 @@ def visible_changes(ranking: Ranking) -> dict[str, float]:
         (p,) = (p for p in effect.parameters if not p.choices)
         others = [i for i in own if not {*problem.candidates[i].identifiers} & {*c.identifiers}]
         (deviation,) = problem.deviations(k, others)
+        if deviation == 0:  # the flights show nothing of it
+            continue
         paid = LEAST - priors.of_effect(effect.identifier) + 0.5 * np.log1p(deviation**-2)
         part = np.concatenate([c.columns[e.name][..., 0] for e in later])
         weight = np.sqrt(len(part)) * later[0].weight
