@@ -162,7 +162,10 @@ def decide(
     causes, minor = [], []
     for i, (term, support) in enumerate(zip(fit.terms, support_of(ranking, held), strict=True)):
         name, effect = term.effect.identifier, term.effect
-        others = same.get(name, ())
+        # What is in all refined models that are probable has no rival, whatever its columns say.
+        room = 1.0 - ranking.probability.get(name, 0.0)
+        has_rivals = room > np.exp(-options.thresholds.indistinguishable_evidence)
+        others = same.get(name, ()) if has_rivals else ()
         found = judge(ranking, margins, held, i, same=others, support=support, gusts=gusts)
         vehicle = problem.flights[0].vehicle
         parameters = estimates(fit, i, vehicle, options)
