@@ -14,13 +14,13 @@ from typer import Option
 from diagrams.batch.run import Report, Run, every_result, require
 from diagrams.challenge.real import block_name, campaign_of, numbered_blocks
 from diagrams.challenge.score_tables import table
-from diagrams.loop.controller_config import NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL
 from diagrams.studies.options import REAL_FLIGHTS, RealFlights, chosen, required
 from np_drake.flight_log import FlightLog
 from np_drake.labels import ReadsLabels
 from np_drake.lifting.model.lifted_model import PAPER
 from np_drake.lifting.training.train import make_config, train
-from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER, PayloadFilterModel
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_model import ResidualModel
@@ -52,9 +52,9 @@ def _paper(flights: Sequence[Opened]) -> NeuralPredictor:
     return NeuralPredictor(model, torque="predict")
 
 
-def _learned(flights: Sequence[Opened]) -> PayloadFilter:
-    """Return the packaged learned bank on the vehicle of these flights."""
-    prior = PayloadFilterModel.load(NP_MODEL)
+def _payload_filter(flights: Sequence[Opened]) -> PayloadFilter:
+    """Return the packaged bank on the vehicle of these flights."""
+    prior = PayloadFilterModel.load(FILTER_MODEL)
     return PayloadFilter(train_payload_filter(flights, step=STEP, prior=prior))
 
 
@@ -65,8 +65,7 @@ ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
     ),
     GP: lambda flights: MotionModel(GP, fit_gaussian_process(_segments(flights)), STEP),
     PAPER: _paper,
-    LEARNED_BANK: _learned,
-    PAYLOAD_FILTER: lambda flights: PayloadFilter(train_payload_filter(flights, step=STEP)),
+    PAYLOAD_FILTER: _payload_filter,
 }
 
 

@@ -39,7 +39,7 @@ def certify(
     confidence: Annotated[float, Option(min=0.5, max=0.9999, help="Of the bound [1].")] = 0.95,
     cells: Annotated[int, Option(min=2, max=8, help="Of the map along each range.")] = 6,
     controller: Annotated[
-        str | None, Option(metavar="KIND", help="As of `fly`; default: the scenario's, or np.")
+        str | None, Option(metavar="KIND", help="As of `fly`, with its default.")
     ] = None,
     predictor: Predictor = None,
     duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,

@@ -46,6 +46,7 @@ from np_drake.command_delay import LONGEST_DELAY
 from np_drake.files.figure_file import save
 from np_drake.files.yaml_file import read_yaml
 from np_drake.logs.formats.log_file import write_log
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.vehicle import load_vehicle
 from np_drake.vehicle.scaling import usual_rate_loop
 
@@ -76,7 +77,8 @@ def fly(
             metavar="KIND",
             help="nominal | hold | observer | oracle | cascade | np | payload_filter | gp | "
             "knode, or MODULE:NAME of "
-            "your own; several times: fly each and compare them. Default: the scenario's, or np.",
+            "your own; several times: fly each and compare them. Default: the scenario's, or "
+            "payload_filter.",
         ),
     ] = None,
     predictor: Predictor = None,
@@ -273,39 +275,35 @@ def _with_autopilot(config: FlightConfig, kind: str) -> FlightConfig:
 
 
 def _give(predictor: Path, configs: Sequence[FlightConfig]) -> None:
-    """Give a model file to the controller that it is for; others fly the packaged model.
+    """Give a model file to the controller that it is for, or to the first, which refuses it; others
+    fly the packaged model.
 
-    Raises: ValueError: where none of them flies a model, or this one.
+    Raises: ValueError: where none of them flies a model.
     """
     controllers = [config.controller for config in configs if config.controller.kind in LEARNED]
     require(bool(controllers), f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
     kind = kind_of_model(str(predictor))
-    fits = [one for one in controllers if one.kind == kind]
-    kinds = " and ".join(one.kind for one in controllers)
-    require(
-        bool(fits),
-        f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name --controller {kind}.",
-    )
+    fits = [one for one in controllers if one.kind == kind] or controllers
     fits[0].predictor = str(predictor)
 
 
 def _default_controller(config: FlightConfig, predictor: Path | None) -> str:
-    """Return the kind of the model file; without one `np`, or `hold`, which needs no model, and say
-    so.
+    """Return the kind of the model file; without one `payload_filter`, or `hold`, which needs no
+    model, and say so.
 
     The packaged model knows the paper's vehicle.
     """
     if predictor is not None:
         return kind_of_model(str(predictor))
     try:
-        make_residual_model(dc.replace(config.controller, kind="np"), config.vehicle)
+        make_residual_model(dc.replace(config.controller, kind=PAYLOAD_FILTER), config.vehicle)
     except ValueError:
         tell(
             f"controller: hold, as the packaged predictor is for the paper's vehicle and not for "
             f"{config.vehicle.name}; np-drake train LOG makes one of its own."
         )
         return "hold"
-    return "np"
+    return PAYLOAD_FILTER
 
 
 def fly_all(configs: list[FlightConfig], seed: int, lost: list[FailedRun]) -> list[FlightResult]:
@@ -412,7 +410,8 @@ def node(
         str | None,
         Option(
             metavar="KIND",
-            help="nominal | hold | observer | np | payload_filter | gp | knode. Default: np.",
+            help="nominal | hold | observer | np | payload_filter | gp | knode. Default: "
+            "payload_filter.",
         ),
     ] = None,
     predictor: Predictor = None,

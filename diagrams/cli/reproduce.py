@@ -139,7 +139,7 @@ ANSWERS = (
 @reports("bench", seed=0)
 def bench(
     run: Run,
-    problems: Annotated[int, Option(min=10, max=100_000, help="Recorded NP-MPC problems.")] = 200,
+    problems: Annotated[int, Option(min=10, max=100_000, help="Recorded MPC problems.")] = 200,
     seconds: Annotated[
         float, Option(min=1.0, max=3600.0, help="Simulated time of the simulator [s].")
     ] = 40.0,
@@ -157,14 +157,14 @@ def bench(
     with progress("training, recording problems", 1.0) as advance:
         paper, row = (
             run.folder / "paper.safetensors",
-            Row("", "np", training=DITHERED, configuration="paper"),
+            Row("", "", training=DITHERED, configuration="paper"),
         )
         train_row(row, paper, seed=run.seed, solver="sqp")
         advance(0.5, "recording")
         kinds: dict[str, dict[str, Any]] = {
-            "np, K = 4": {},
-            "paper, K = 24": {"predictor": str(paper)},
-            "paper, K = 24, N = 40": {"predictor": str(paper), "horizon": 40},
+            "payload_filter, K = 4": {},
+            "np: paper, K = 24": {"kind": "np", "predictor": str(paper)},
+            "np: paper, K = 24, N = 40": {"kind": "np", "predictor": str(paper), "horizon": 40},
         }
         recorded = {
             name: measure.record_problems(problems, seed=run.seed, **kind)
@@ -178,10 +178,8 @@ def bench(
     lines = [{"suite": suite, **line} for suite, of in found.items() for line in of]
     return Report(
         [
-            tabulate(
-                "NP-MPC solvers; to …: ratio of medians in this run; gap: median", lines, TIMES
-            ),
-            tabulate("NP-MPC solvers, answers", lines, ANSWERS),
+            tabulate("MPC solvers; to …: ratio of medians in this run; gap: median", lines, TIMES),
+            tabulate("MPC solvers, answers", lines, ANSWERS),
             tabulate("predictions: label, update and forecast", predictions, PREDICTIONS),
         ],
         config=dc.asdict(next(iter(recorded.values()))[0].controller.mpc),
@@ -190,5 +188,5 @@ def bench(
             "predictions": predictions,
             "simulator": {"real_time_factor": {"closed_loop": factor}},
         },
-        notes=[f"simulator with sensors, predictor and NP-MPC: {factor:.3g} times real time"],
+        notes=[f"simulator with sensors, payload_filter and MPC: {factor:.3g} times real time"],
     )

@@ -26,7 +26,7 @@ from diagrams.cli.verb import (
     say,
     tell,
 )
-from diagrams.loop.controller_config import NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL
 from diagrams.loop.experiments import training_flight
 from diagrams.studies.options import tabulate
 from np_drake.files.figure_file import new_figure, save
@@ -35,12 +35,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, load_model, save_model
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
-from np_drake.payload_filter.model_file import (
-    LEARNED_BANK,
-    PAYLOAD_FILTER,
-    SCHEMA,
-    PayloadFilterModel,
-)
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMA, PayloadFilterModel
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
 from np_drake.residual_models.motion_model import KNODE, REACTIONS
 from np_drake.skill.skill import Model, diverged, flight_stability, label_distances, score_flights
@@ -51,7 +46,7 @@ from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.scaling import sampling_period
 
 # Configuration of logs, and of arrays of real flights
-BY_AXES = {"world": LEARNED_BANK, "body": MODE_DICTIONARY}
+BY_AXES = {"world": PAYLOAD_FILTER, "body": MODE_DICTIONARY}
 SCENARIOS = (".yaml", ".yml")  # files that are flown
 T = TypeVar("T")
 Epochs = Annotated[
@@ -83,8 +78,8 @@ def train(
         str | None,
         Option(
             metavar="NAME",
-            help="learned | paper | mode-dictionary (body axes), of np; payload_filter; gp | "
-            "knode. Default: learned for logs, mode-dictionary for arrays.",
+            help="paper | mode-dictionary (body axes), of np; payload_filter; gp | knode. "
+            "Default: payload_filter for logs, mode-dictionary for arrays.",
         ),
     ] = None,
     epochs: Epochs = None,
@@ -94,7 +89,7 @@ def train(
             metavar="N",
             min=1,
             max=10_000,
-            help="Fly N simulated payloads and learn the priors of learned from them.",
+            help="Fly N simulated payloads and learn the priors of payload_filter from them.",
         ),
     ] = None,
     step: Step = None,
@@ -105,7 +100,7 @@ def train(
     require(out.suffix == ".safetensors", f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
     require_outputs(out, curve, *([run.json] if run.json else []))
-    known = (LEARNED_BANK, PAPER, MODE_DICTIONARY, PAYLOAD_FILTER, *REACTIONS)
+    known = (PAYLOAD_FILTER, PAPER, MODE_DICTIONARY, *REACTIONS)
     require(
         configuration in (None, *known),
         f"--configuration: must be one of {', '.join(known)}; got {configuration}.",
@@ -123,18 +118,19 @@ def train(
     if configuration is None:
         say(f"configuration: {name}, as the wrenches are in {frame} axes.")
     require(
-        name == LEARNED_BANK or not envelope, f"--envelope: must be of {LEARNED_BANK}; got {name}."
+        name == PAYLOAD_FILTER or not envelope,
+        f"--envelope: must be of {PAYLOAD_FILTER}; got {name}.",
     )
     flown = flights[0].vehicle if flights else load_vehicle(vehicle) if vehicle else Vehicle()
     step = step or sampling_period(flown)
     start = time.perf_counter()
-    if name in (LEARNED_BANK, PAYLOAD_FILTER):
+    if name == PAYLOAD_FILTER:
         learned, loss = None, list[float]()
         if envelope:
             from diagrams.studies.learning import train_on_envelope
 
             learned, loss = train_on_envelope(envelope, run=run, vehicle=flown)
-        learnt = _learn_vehicle(name, flights, out, step=step, learned=learned, loss=loss)
+        learnt = _learn_vehicle(flights, out, step=step, learned=learned, loss=loss)
     elif name in REACTIONS:
         learnt = _learn_reaction(name, flights, out, step=step, seed=run.seed, epochs=epochs)
     else:
@@ -170,7 +166,6 @@ class Learnt:
 
 
 def _learn_vehicle(
-    name: str,
     flights: Sequence[Flight],
     out: Path,
     *,
@@ -178,21 +173,20 @@ def _learn_vehicle(
     learned: PayloadFilterModel | None,
     loss: list[float],
 ) -> Learnt:
-    """Train a payload filter, of stated priors or with the bank of a learned one.
+    """Train a payload filter.
 
     Args:
-        learned: on the envelope; None: the packaged one.
+        learned: on the envelope; None: the priors of the packaged one.
         loss: of the learning of its priors.
     """
-    with progress(f"training {name}", 1.0) as advance:
+    with progress(f"training {PAYLOAD_FILTER}", 1.0) as advance:
         if learned is not None and not flights:
             found = learned
         else:
-            prior = learned or PayloadFilterModel.load(NP_MODEL)
             found = train_payload_filter(
                 opened_logs(flights),
                 step=step,
-                prior=prior if name == LEARNED_BANK else None,
+                prior=learned or PayloadFilterModel.load(FILTER_MODEL),
                 on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}"),
             )
     found.save(out)
@@ -316,8 +310,8 @@ def evaluate(
     run: Run,
     logs: Annotated[list[Path], Argument(metavar="LOG…", help=LOG_HELP)],
     predictor: Annotated[
-        Path, Option(metavar="FILE", help="Model file; default: the one in the package.")
-    ] = NP_MODEL,
+        Path, Option(metavar="FILE", help="Model file; default: the packaged payload_filter.")
+    ] = FILTER_MODEL,
     horizons: Annotated[str, Option(help="Steps ahead, comma-separated.")] = HORIZONS,
     vehicle: VehicleFile = None,
 ) -> Report:

@@ -18,7 +18,7 @@ from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.loop.reality import RealityConfig
 from diagrams.studies.learning import TRAINING, train_model
 from diagrams.studies.sweep import Row, configure, training_config
-from diagrams.studies.tracking import TRACKS
+from diagrams.studies.tracking import PACKAGED, TRACKS
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects.base import Effect
@@ -195,8 +195,8 @@ def _learn(
 ) -> tuple[FlightResult, dict[str, Any]]:
     """Return the training flight and what the models, which are written, were trained on."""
     flight = fly(config, seed=seed)
-    train_model(flight, models[FILTER.kind], configuration=PAYLOAD_FILTER)
-    return flight, train_model(flight, models[LEARNED.kind], seed=seed)
+    train_model(flight, models[FILTER.kind], PAYLOAD_FILTER)
+    return flight, train_model(flight, models[LEARNED.kind], PACKAGED, seed=seed)
 
 
 def _diagnose(

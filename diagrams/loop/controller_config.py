@@ -19,8 +19,8 @@ from np_drake.vehicle import Vehicle
 
 MODELS = Path(__file__).parents[1] / "models"  # that ship with the package
 SHORTEST_PERIOD = 1e-4  # of the controller [s]; own choice
-NP_MODEL = MODELS / "learned_bank.safetensors"  # of any payload, with learned priors
-FILTER_MODEL = MODELS / "payload_filter.safetensors"  # of the vehicle, for any tethered payload
+NP_MODEL = MODELS / "neural_predictor.safetensors"  # of the payload that it was trained with
+FILTER_MODEL = MODELS / "payload_filter.safetensors"  # of any tethered payload
 LEARNED = ("np", PAYLOAD_FILTER, *REACTIONS)  # kinds with a model file
 NONE = "none"  # no autopilot: the rotors take thrust and torque at once
 AUTOPILOTS = (NONE, "rate_loop", "betaflight")

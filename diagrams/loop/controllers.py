@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from diagrams.loop.own_controller import (
 )
 from np_drake.command_delay import DelayFilter
 from np_drake.labels import LabelConfig, ReadsLabels, labelled
+from np_drake.lifting.model.lifted_model import load_model
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.solvers import make_solver
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMA
@@ -276,7 +276,16 @@ def _add_own(
 def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel | None:
     """Return the residual model of a controller; None for nominal, cascade, and the oracle, which
     is no model.
+
+    Raises: ValueError: where its model file is broken, does not fit or is for another kind.
     """
+    if config.predictor:
+        kind = kind_of_model(config.predictor)
+        require(
+            config.kind == kind,
+            f"controller: {config.predictor} is for {kind}; {config.kind} cannot fly it. Name "
+            f"--controller {kind}.",
+        )
     make = MAKERS.get(config.kind)
     return None if make is None else make(config, vehicle)
 
@@ -286,20 +295,13 @@ def kind_of_model(path: str) -> str:
 
     Raises: ValueError: where it is no such file.
     """
-    if schema_of(path) == motion_model.SCHEMA:
+    schema = schema_of(path)
+    if schema == motion_model.SCHEMA:
         return motion_model.MotionModel.load(path).name
-    filters = load_np(path).model.configuration == PAYLOAD_FILTER
-    return PAYLOAD_FILTER if filters else "np"
-
-
-def load_np(path: str | Path) -> NeuralPredictorModel | PayloadFilter:
-    """Return the predictor that flies as `np`, of the configuration that its file holds.
-
-    Raises: ValueError: one line, on a bad file.
-    """
-    if schema_of(path) == SCHEMA:
-        return PayloadFilter.load(path)
-    return NeuralPredictorModel.load(path)
+    if schema == SCHEMA:
+        return PAYLOAD_FILTER
+    load_model(path)
+    return "np"
 
 
 def _hold(config: ControllerConfig, vehicle: Vehicle) -> Hold:
@@ -313,18 +315,17 @@ def _observer(config: ControllerConfig, vehicle: Vehicle) -> DisturbanceObserver
     )
 
 
-def _learned(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
-    """Return `np` or `payload_filter`; a filter has the lag of the vehicle file, as its labels have
-    it, or that of its training.
+def _neural_predictor(config: ControllerConfig, vehicle: Vehicle) -> NeuralPredictorModel:
+    found = NeuralPredictorModel.load(config.predictor or NP_MODEL)
+    _require_fit(found.model, found.step, config, vehicle)
+    return found
+
+
+def _payload_filter(config: ControllerConfig, vehicle: Vehicle) -> PayloadFilter:
+    """Return the filter with the lag of the vehicle file, as its labels have it, or that of its
+    training.
     """
-    found: NeuralPredictorModel | PayloadFilter
-    if config.kind == PAYLOAD_FILTER:
-        found = PayloadFilter.load(config.predictor or FILTER_MODEL)
-    else:
-        found = load_np(config.predictor or NP_MODEL)
-    if not isinstance(found, PayloadFilter):
-        _require_fit(found.model, found.step, config, vehicle)
-        return found
+    found = PayloadFilter.load(config.predictor or FILTER_MODEL)
     _require_fit(found.model, found.step, config, vehicle, found.label)
     lag = vehicle.rotor_time_constant or found.rotor_lag
     return PayloadFilter(dc.replace(found.model, rotor_lag=lag))
@@ -339,7 +340,8 @@ def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> motion_model.Mo
 MAKERS: dict[str, Callable[[ControllerConfig, Vehicle], ResidualModel]] = {
     "hold": _hold,
     "observer": _observer,
-    **dict.fromkeys(("np", PAYLOAD_FILTER), _learned),
+    "np": _neural_predictor,
+    PAYLOAD_FILTER: _payload_filter,
     **dict.fromkeys(motion_model.REACTIONS, _motion_model),
 }  # makers of residual models by kind of controller
 

@@ -27,6 +27,7 @@ from np_drake.mpc.problem import (
     SolverFailure,
 )
 from np_drake.mpc.sqp import SqpSolver
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.residual_model import Sample
 from np_drake.vehicle import Vehicle
 
@@ -196,12 +197,18 @@ class RecordingSolver:
 
 
 def record_problems(
-    count: int, *, seed: int, predictor: str = "", horizon: int | None = None
+    count: int,
+    *,
+    seed: int,
+    kind: str = PAYLOAD_FILTER,
+    predictor: str = "",
+    horizon: int | None = None,
 ) -> Flown:
-    """Return the flight and the NP-MPC problems of `count` periods in a row on the lemniscate, from
-    the end of the ramp on, with a model file and a horizon; by default those of the package.
+    """Return the flight and the MPC problems of `count` periods in a row on the lemniscate, from
+    the end of the ramp on, with a kind, a model file and a horizon; by default those of the
+    package.
     """
-    config = configure("lemniscate", Row("np", "np"), solver="sqp", model=predictor)
+    config = configure("lemniscate", Row(kind, kind), solver="sqp", model=predictor)
     config.duration = count * config.controller.period
     config.controller.mpc.horizon = horizon or config.controller.mpc.horizon
     simulator = make_simulator(make_flight_diagram(config), config, seed=seed)
@@ -213,10 +220,10 @@ def record_problems(
 
 
 def real_time_factor(*, seconds: float, seed: int) -> float:
-    """Return simulated over wall time of the circle with NP-MPC (SQP) in the loop [1], of its
+    """Return simulated over wall time of the circle with payload_filter in the loop [1], of its
     scored part, by which time every compiled loop is loaded.
     """
-    config = configure("circle", Row("np", "np"), solver="sqp")
+    config = configure("circle", Row(PAYLOAD_FILTER, PAYLOAD_FILTER), solver="sqp")
     config.duration = seconds
     simulator = make_simulator(make_flight_diagram(config), config, seed=seed)
     simulator.AdvanceTo(config.reference.lead)

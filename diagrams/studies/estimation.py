@@ -37,7 +37,7 @@ TABLE = pd.read_csv(Path(__file__).with_suffix(".csv"), index_col=["flight", "me
 PUBLISHED = {  # flight: method: column
     flight: rows.droplevel("flight").to_dict("index") for flight, rows in TABLE.groupby("flight")
 }
-OURS = {PAPER: "np: paper", MODE_DICTIONARY: "np"}  # configuration: row
+OURS = {PAPER: "np: paper", MODE_DICTIONARY: MODE_DICTIONARY}  # configuration: row
 NAIVE = ("persistence", "linear")  # rows without training
 OWN = (*OURS.values(), *NAIVE)
 ROWS = ("NeuroBEM", "NeuroMHE", "NP", *OWN)  # in the order of the table

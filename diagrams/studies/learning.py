@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.batch.run import FailedRun, Run, as_they_finish, require
-from diagrams.loop.controller_config import NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.studies.draws import Envelope, drawn_flight
@@ -22,7 +22,7 @@ from np_drake.lifting.model.lifted_model import save_model
 from np_drake.lifting.training.train import make_config
 from np_drake.metrics import tracking_errors
 from np_drake.payload_filter.bank_options import CONDITIONAL, BankOptions, Prior
-from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER, PayloadFilterModel
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_models.motion_model import REACTIONS
 from np_drake.residual_models.predictor_training import train_motion_model, train_on_flights
@@ -35,27 +35,17 @@ SETTLED = 3.0  # after the ramp, before errors count, of the paper's vehicle [s]
 # RMS distance beyond which the vehicle is at its limits, whatever is foreseen; of the paper's
 # vehicle, own choice [m]
 FAR = 0.03
-# Before learning: calm, steady wind, gusts, and a payload that changes; own choice
-FIRST = BankOptions(
-    log_length=0.09,
-    damping=Prior(0.05, 0.3),
-    push=(0.006, 0.2, 0.2, 0.017),
-    push_time=(2.5, 600.0, 4.0, 20.0),
-    memory=(180.0, 180.0, 180.0, 0.2),
-    swing_noise=(1e-4, 1e-4, 0.01, 10.0),
-    duration=(60.0, 60.0, 15.0, 1.5),
-)
 OTHERS = ("log_length", "change", "damping")  # that are learned, beside those of each condition
 FACTOR = 2.5  # by which a parameter is tried larger and smaller; own choice [1]
 GAIN = 0.002  # share of the error that a change must take away; own choice: less is chance [1]
 
 
 def train_model(
-    flight: FlightResult, path: Path, *, configuration: str = LEARNED_BANK, seed: int = 0
+    flight: FlightResult, path: Path, configuration: str, *, seed: int = 0
 ) -> dict[str, Any]:
     """Train on the flight's log after the ramp, write the model file, and return its summary.
 
-    `learned` takes the bank of the packaged model.
+    `payload_filter` takes the bank of the packaged model.
     Raises: ValueError: on an unknown configuration.
     """
     controller, vehicle, log = flight.config.controller, flight.config.vehicle, scored_log(flight)
@@ -64,8 +54,8 @@ def train_model(
         reaction, _ = train_motion_model(configuration, flights, step=step, label=label, seed=seed)
         reaction.save(path)
         return reaction.summary
-    if configuration in (PAYLOAD_FILTER, LEARNED_BANK):
-        prior = PayloadFilterModel.load(NP_MODEL) if configuration == LEARNED_BANK else None
+    if configuration == PAYLOAD_FILTER:
+        prior = PayloadFilterModel.load(FILTER_MODEL)
         filters = train_payload_filter([(log, vehicle)], step=step, prior=prior)
         filters.save(path)
         return filters.summary
@@ -93,7 +83,7 @@ def flown_error(
         _, config = drawn_flight(number, Envelope(), seed=seed, vehicle=vehicle)
     except ValueError:
         return None
-    config.controller.kind = "np"
+    config.controller.kind = PAYLOAD_FILTER
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.safetensors"
         model.save(path)
@@ -127,7 +117,9 @@ def train_on_envelope(
 
     with run.bar("learning priors", 1.0) as advance:
         bank, course = learn_priors(
-            FIRST, error, lambda done, total, least: advance(done / total, f"{100 * least:.3f} cm")
+            BankOptions(),
+            error,
+            lambda done, total, least: advance(done / total, f"{100 * least:.3f} cm"),
         )
     return dc.replace(model, bank=bank, learned={"flights": count, "seed": run.seed}), course
 

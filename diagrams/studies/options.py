@@ -80,11 +80,11 @@ class FlownRun(Run):
         """Solver and seeds, as `--json` holds them."""
         return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.seed}
 
-    def title(self, learner: str = "") -> str:
+    def title(self) -> str:
         """Return the title of a table: flights, seeds, what is trained, training seed, solver."""
         return (
             f"{self.count} flights a row, seeds {self.seeds[0]} … {self.seeds[-1]}, "
-            f"{learner}trained on seed {self.seed}, {self.solver}"
+            f"trained on seed {self.seed}, {self.solver}"
         )
 
 

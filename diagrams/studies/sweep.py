@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from diagrams.batch.run import Case, Record
-from diagrams.loop.controller_config import LEARNED, NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL, LEARNED
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
@@ -23,7 +23,7 @@ from diagrams.studies.learning import train_model
 from diagrams.studies.options import FlownRun, chosen
 from np_drake.files.file_access import write_bytes
 from np_drake.metrics import half_width
-from np_drake.payload_filter.model_file import LEARNED_BANK
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.vehicle import Vehicle
 
 Key = tuple[str, str]  # training experiment and configuration
@@ -112,7 +112,7 @@ def training_config(
 def train_row(row: Row, path: Path, *, seed: int, **how) -> None:
     """Train the model of a row and write its file; further arguments of `training_config`."""
     flight = fly(training_config(row.training, **how), seed=seed)
-    train_model(flight, path, configuration=row.configuration, seed=seed)
+    train_model(flight, path, row.configuration, seed=seed)
 
 
 @cache  # a case of thousands asks for it
@@ -125,7 +125,7 @@ def _trained(case: Case, **how) -> dict:
     """Return {"file": model file in base 64} of a case {"model": configuration, "training":
     experiment}; further arguments of `train_row`.
     """
-    row = Row("", "np", training=case["training"], configuration=case["model"])
+    row = Row("", "", training=case["training"], configuration=case["model"])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.safetensors"
         train_row(row, path, **how)
@@ -168,10 +168,11 @@ def fly_rows(
     Returns: the records of the trainings and of the flights.
     """
     keys = list(dict.fromkeys(row.key for row in rows if row.training))
-    prior = {"prior": digest_of(NP_MODEL.read_bytes())}  # whose bank `learned` takes
+    # whose bank `payload_filter` takes
+    prior = {"prior": digest_of(FILTER_MODEL.read_bytes())}
     cases = [
         {"model": configuration, "training": training}
-        | (prior if configuration == LEARNED_BANK else {})
+        | (prior if configuration == PAYLOAD_FILTER else {})
         for training, configuration in keys
     ]
     train = partial(_trained, seed=run.seed, solver=run.solver, **world)

@@ -14,7 +14,7 @@ import pandas as pd
 from typer import Option
 
 from diagrams.batch.run import Case, FailedRun, Report, Run, Table, failures, results
-from diagrams.loop.controller_config import NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL
 from diagrams.loop.experiments import load_experiment, scenario_file, settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
@@ -44,8 +44,7 @@ from np_drake import metrics
 from np_drake.files.figure_file import Figure, Panel, panel_figure
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.training.train import make_config
-from np_drake.payload_filter.bank_options import STATED
-from np_drake.payload_filter.model_file import LEARNED_BANK, PAYLOAD_FILTER, PayloadFilterModel
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.residual_models.motion_model import GP, KNODE
 from np_drake.residual_models.predictor_training import CONFIGURATIONS
 from np_drake.vehicle import load_vehicle
@@ -59,6 +58,7 @@ PAPER = {
     "knode": {"circle": (0.0919, 0.1307), "lemniscate": (0.1503, 0.1406)},
     "np": {"circle": (0.0837, 0.0758), "lemniscate": (0.0849, 0.0591)},
 }
+PACKAGED = "paper"  # configuration of the row `np`, and of the packaged model
 DRAWN = ("nominal", "gp", "knode", "np")  # rows of the figure, the paper's controllers
 ROWS = (
     Row("nominal", "nominal"),
@@ -76,8 +76,8 @@ ROWS = (
     Row(
         "payload_filter: plain circle", PAYLOAD_FILTER, training=PLAIN, configuration=PAYLOAD_FILTER
     ),
-    Row("np: paper, dithered circle", "np", training=DITHERED, configuration="paper"),
-    Row("np", "np", training=DITHERED, configuration=LEARNED_BANK),
+    Row("np: paper", "np", training=DITHERED, configuration="paper"),
+    Row("np", "np", training=DITHERED, configuration=PACKAGED),
     Row("payload_filter", PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),
     Row("oracle", "oracle"),
 )
@@ -127,10 +127,8 @@ def settings_of_training(rows: Sequence[Row], seed: int) -> dict[str, dict]:
     """
     found: dict[str, Any] = {}
     for name in {row.configuration: None for row in rows if row.configuration}:
-        if name == LEARNED_BANK:
-            found[name] = PayloadFilterModel.load(NP_MODEL).bank
-        elif name == PAYLOAD_FILTER:
-            found[name] = STATED
+        if name == PAYLOAD_FILTER:
+            found[name] = PayloadFilterModel.load(FILTER_MODEL).bank
         elif name in CONFIGURATIONS:
             found[name] = dc.replace(CONFIGURATIONS[name], seed=seed)
         else:
@@ -257,7 +255,7 @@ CUTS = ("position_rmse", "late", "E_xy")  # keys that are also given relative to
 EARLY = 2.0  # after the impulse; later every predictor has seen the swing begin [s]
 DAMPED, FILTER_DAMPED = "np + active damping", "payload_filter + active damping"  # names of rows
 NP, FILTER = named(ROWS, "np"), named(ROWS, "payload_filter")
-AS_IN_THE_PAPER = named(ROWS, "np: paper, plain circle")
+AS_IN_THE_PAPER = named(ROWS, "np: paper")
 HOVER_ROWS = (
     *(named(ROWS, name) for name in ("nominal", "hold")),
     # Slower than the swing (0.56 Hz): the level is compensated and most of the swing is not.
@@ -390,11 +388,7 @@ def hover(
         for row in rows
     }
     return Report(
-        [
-            tabulate(
-                f"{run.title(learner='np ')}; ± 95 % interval of the mean", lines, HOVER_COLUMNS
-            )
-        ],
+        [tabulate(f"{run.title()}; ± 95 % interval of the mean", lines, HOVER_COLUMNS)],
         config={**run.settings, "controllers": controllers},
         metrics={
             "table": lines,

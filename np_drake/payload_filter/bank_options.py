@@ -48,37 +48,34 @@ class BankOptions:
     """What is believed of payload and air before any sample, per mass of the vehicle; in SI for the
     paper's vehicle.
 
-    Source: stated priors. Lengths cover 0.3 to 2.4 m by equal steps of the logarithm, of which half
-    is a deviation; a vehicle carries up to half its own weight; a quadrotor's drag is below its
-    weight at 20 m/s. Near the ground the wind's vertical deviation is half its level one (Panofsky,
-    Dutton 1984: 1.25 and 2.4 friction velocities).
+    Source of the defaults, from which learning starts: own choice, for calm air, steady wind, gusts
+    and a payload that changes. Lengths cover 0.3 to 2.4 m by equal steps of the logarithm; a
+    vehicle carries up to half its own weight; a quadrotor's drag is below its weight at 20 m/s.
+    Near the ground the wind's vertical deviation is half its level one (Panofsky, Dutton 1984: 1.25
+    and 2.4 friction velocities).
     """
 
     lengths: tuple[float, ...] = (0.3, 0.5, 0.85, 1.42, 2.4)  # of the members [m]
-    log_length: float = 0.26  # deviation of a member's logarithm of length [1]
+    log_length: float = 0.09  # deviation of a member's logarithm of length [1]
     # Probability that the vehicle carries nothing: as likely as a tether of each length [1]
     bare: float = 1 / 6
     mass: Prior = Prior(0.1, 0.15)  # of the payload, share of the vehicle's [1]
-    damping: Prior = Prior(0.05, 0.1)  # drag of the payload over its mass [1/s]
+    damping: Prior = Prior(0.05, 0.3)  # drag of the payload over its mass [1/s]
     thrust_error: Prior = Prior(0.0, 0.1)  # [1]
     drag: Prior = Prior(0.1, 0.2)  # of the vehicle [1/s]
-    push: tuple[float, ...] = (0.05, 1.0, 0.05)  # deviation of the slow force by condition [m/s²]
+    # deviation of the slow force by condition [m/s²]
+    push: tuple[float, ...] = (0.006, 0.2, 0.2, 0.017)
     vertical: float = 0.5  # deviation of the slow force upwards over that on a level axis [1]
-    push_time: tuple[float, ...] = (20.0, 10.0, 20.0)  # over which it decays, by condition [s]
-    memory: tuple[float, ...] = (
-        20.0,
-        20.0,
-        20.0,
-    )  # over which parameters return to their prior [s]
+    # over which it decays, by condition [s]
+    push_time: tuple[float, ...] = (2.5, 600.0, 4.0, 20.0)
+    # over which parameters return to their prior [s]
+    memory: tuple[float, ...] = (180.0, 180.0, 180.0, 0.2)
     tilt: float = 0.1  # deviation of the tether from the vertical at the start [rad]
     lost_tilt: float = 0.5  # deviation after a jump [rad]
     # Power of what pushes the payload, by condition [m²/s³]
-    swing_noise: tuple[float, ...] = (1e-4, 0.1, 2.0)
-    duration: tuple[float, ...] = (
-        20.0,
-        5.0,
-        0.5,
-    )  # of a condition, after which either other begins [s]
+    swing_noise: tuple[float, ...] = (1e-4, 1e-4, 0.01, 10.0)
+    # of a condition, after which any other begins [s]
+    duration: tuple[float, ...] = (60.0, 60.0, 15.0, 1.5)
     change: float = 0.02  # rate at which the length changes, or a payload comes or goes [1/s]
     # squared innovation that no member exceeds: 1e-5 of the chi-square with three degrees [1]
     jump: float = 24.3
@@ -141,9 +138,6 @@ class BankOptions:
         return dc.replace(
             self, **{name: _times(getattr(self, name), f) for name, f in factors.items()}
         )
-
-
-STATED = BankOptions()  # priors that no flight taught
 
 
 def _times(value: Any, factor: float) -> Any:

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
-from np_drake.payload_filter.bank_options import STATED, BankOptions
+from np_drake.payload_filter.bank_options import BankOptions
 from np_drake.trained_model import read_model, summary_in, write_model
 from np_drake.vehicle.scaling import Scales, over_paper
 
-PAYLOAD_FILTER = "payload_filter"  # configuration with stated priors
-LEARNED_BANK = "learned"  # configuration with learned priors
+PAYLOAD_FILTER = "payload_filter"  # name of the configuration
 SCHEMA = "np_drake.payload_filter_model/2"  # format of the file and its version
 NUMBERS = (
     "step",
@@ -62,11 +61,14 @@ class PayloadFilterModel:
     speed_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
     delay: float = 0.0  # of the command before it [s]
     arm: float = dc.field(kw_only=True)
-    bank: BankOptions = STATED  # in the units of the paper's vehicle
+    # In the units of the paper's vehicle
+    bank: BankOptions = dc.field(default_factory=BankOptions)
     learned: dict[str, Any] = dc.field(default_factory=dict)  # what its priors were learned on
     summary: dict[str, Any] = dc.field(
         default_factory=dict
     )  # key figures and origin of the training
+
+    configuration = PAYLOAD_FILTER
 
     def __post_init__(self):
         for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation", "arm"):
@@ -87,11 +89,6 @@ class PayloadFilterModel:
                 f"PayloadFilterModel: {name} must be {length} finite numbers [{unit}]; "
                 f"got {value}.",
             )
-
-    @property
-    def configuration(self) -> str:
-        """Name of the configuration."""
-        return LEARNED_BANK if self.learned else PAYLOAD_FILTER
 
     @property
     def unit(self) -> Scales:

@@ -12,7 +12,7 @@ from np_drake.checks import require
 from np_drake.command_delay import FINE, LONGEST_DELAY
 from np_drake.flight_log import FlightLog
 from np_drake.payload_filter import kernel
-from np_drake.payload_filter.bank_options import STATED
+from np_drake.payload_filter.bank_options import BankOptions
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import RAW, PayloadFilter
 from np_drake.residual_model import Memory, Sample
@@ -52,8 +52,8 @@ def train_payload_filter(
 
     Args:
         step: between samples [s].
-        prior: whose learned bank the model takes, which holds for any vehicle in its units of
-            length, mass and time; None: the stated one.
+        prior: whose bank the model takes, which holds for any vehicle in its units of length, mass
+            and time; None: that from which learning starts.
         on_pass: called with (done, total).
     Raises: ValueError: if the logs are of different vehicles, or one is without torque, its labels
         or rows.
@@ -123,7 +123,7 @@ def _untrained(
     vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray
 ) -> PayloadFilterModel:
     """Return the model before any flight, with the wide priors of the bank."""
-    bank = STATED.scaled(ratios(vehicle))
+    bank = BankOptions().scaled(ratios(vehicle))
     thrust, drag = bank.thrust_error, bank.drag
     return PayloadFilterModel(
         step,
@@ -144,7 +144,7 @@ def _refined(model: PayloadFilterModel, flights: Sequence[list[Sample]]) -> Payl
     other.
     """
     gram, right = np.zeros((COLUMNS, COLUMNS)), np.zeros(COLUMNS)
-    lasting = dc.replace(STATED, memory=(LASTING,) * STATED.conditions)
+    lasting = dc.replace(model.bank, memory=(LASTING,) * model.bank.conditions)
     for samples in flights:
         predictor = PayloadFilter(dc.replace(model, bank=lasting))
         memory = predictor.initial_memory()
@@ -201,7 +201,7 @@ def _torque(
     show is zero.
     """
     noise = np.mean(np.concatenate([torque_steps(samples) for samples in flights]) ** 2) / 2
-    hook, drag = HOOK * model.unit.length, STATED.drag.deviation / model.unit.time
+    hook, drag = HOOK * model.unit.length, model.bank.drag.deviation / model.unit.time
     deviation = np.full(COLUMNS, np.inf)
     deviation[:3], deviation[9:11] = hook, hook * model.mass * drag
     found = np.linalg.lstsq(gram + np.diag(noise / deviation**2), right, rcond=None)[0]

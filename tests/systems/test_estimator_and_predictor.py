@@ -20,7 +20,7 @@ from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
 from tests.systems.conftest import event
 
-NP_MODEL = Path(__file__).parents[2] / "diagrams" / "models" / "learned_bank.safetensors"
+PACKAGED = Path(__file__).parents[2] / "diagrams" / "models" / "payload_filter.safetensors"
 VEHICLE = Vehicle()
 LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
 CHI = np.array([0.5, -0.3, -2.5, 0.01, -0.02, 0.005])
@@ -85,7 +85,7 @@ def lifted_predictor():
 
 
 def packaged():
-    return PayloadFilter.load(NP_MODEL)
+    return PayloadFilter.load(PACKAGED)
 
 
 def predictor_on_labels(make=packaged):

@@ -15,7 +15,7 @@ from np_drake.skill.skill import NAIVE
 def models(logs, tmp_path_factory):
     """Predictors by configuration, trained on the first log."""
     folder = tmp_path_factory.mktemp("models")
-    paths = {name: folder / f"{name}.safetensors" for name in ("learned", "paper")}
+    paths = {name: folder / f"{name}.safetensors" for name in ("payload_filter", "paper")}
     for name, out in paths.items():
         words = ["--configuration", name, "--epochs", "1", "--out", str(out)]
         assert run(["train", str(logs[0]), *words]) == 0
@@ -31,7 +31,7 @@ def rows_of(path):
     return json.loads(path.read_text())["rows"]
 
 
-@pytest.mark.parametrize("name", ["learned", "paper"])
+@pytest.mark.parametrize("name", ["payload_filter", "paper"])
 def test_a_predictor_is_scored_beside_the_naive_rows(name, logs, models, tmp_path, capsys):
     out, model = tmp_path / "rows.json", models[name]
     code = run(f"evaluate {logs[1]} --predictor {model} --horizons 1,10 --json {out}".split())

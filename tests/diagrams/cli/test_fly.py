@@ -61,7 +61,7 @@ def test_the_controller_and_the_solver_are_the_scenarios_or_the_defaults(tmp_pat
     (tmp_path / "mine.yaml").write_text("controller: {kind: hold, solver: ipopt}\n")
     (mine,), (circle,) = scenarios(str(tmp_path / "mine.yaml"), []), scenarios("circle", [])
     assert (mine.controller.kind, mine.controller.solver) == ("hold", "ipopt")
-    assert (circle.controller.kind, circle.controller.solver) == ("np", "sqp")
+    assert (circle.controller.kind, circle.controller.solver) == ("payload_filter", "sqp")
 
 
 def test_the_stretch_of_another_payloads_cable_is_the_same():
@@ -197,7 +197,9 @@ def test_a_model_file_is_flown_by_the_controller_that_it_is_for(model, capsys):
 
 
 def test_a_model_file_that_no_controller_can_fly_is_refused_by_name():
-    with pytest.raises(ValueError, match="is for np; payload_filter cannot fly it"):
-        scenarios("circle", ["payload_filter"], predictor=NP_MODEL)
-    (config,) = scenarios("circle", [], predictor=FILTER_MODEL)
-    assert config.controller.kind == "payload_filter"
+    for own, other in (("np", "payload_filter"), ("payload_filter", "np")):
+        refused = rf"is for {own}; {other} cannot fly it. Name --controller {own}\.$"
+        with pytest.raises(ValueError, match=refused):
+            scenarios("circle", [other], predictor=PACKAGED[own])
+        (config,) = scenarios("circle", [], predictor=PACKAGED[own])
+        assert config.controller.kind == own

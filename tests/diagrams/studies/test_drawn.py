@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.loop.controller_config import NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL
 from diagrams.studies import drawn
 from diagrams.studies.drawn import CHANGES, compared, flown, known_after, responses
 from diagrams.studies.sweep import Row
@@ -73,7 +73,7 @@ def test_a_draw_that_cannot_be_flown_says_why(monkeypatch):
 @pytest.mark.nightly
 def test_a_drawn_change_is_flown_and_its_response_seen():
     case = {"draw": 0, "seed": 1}
-    found = flown(case, Row("np", "np"), str(NP_MODEL), envelope=CHANGES, solver="sqp")
+    found = flown(case, drawn.ROWS[1], str(FILTER_MODEL), envelope=CHANGES, solver="sqp")
     assert (found["kind"], found["lost"]) == ("pendulum", "")
     assert 0.0 < found["known"] < 0.5  # [s]
     assert 0.0 < found["E_xy"] < found["peak"] < 0.5  # [m]

@@ -13,7 +13,7 @@ from np_drake.lifting.model.lifted_model import MODE_DICTIONARY
 from np_drake.lifting.training.train import make_config, train
 from np_drake.logs.formats.neurobem import TESTS, TRAINING
 
-NP = MODE_DICTIONARY  # configuration of the row `np`
+NP = MODE_DICTIONARY
 STEMS = {name: stem for stem, name in TESTS.items()}
 FLOWN = ("random points", "ellipse")  # one without a row of the published NP
 OWN = "2021-03-01-10-00-00_seg_1"  # a flight that the table does not have
@@ -76,7 +76,7 @@ def test_every_cell_of_the_paper_stands_beside_ours(folder, tmp_path, capsys):
             assert line["NeuroMHE"] == rows["NeuroMHE"][column]
             assert cells[OWN, column]["NeuroMHE"] is None
             assert {"ours", "ours_paper", "NeuroBEM", "persistence", "linear"} <= set(line)
-    assert set(content["at_or_below_the_paper"]) == {"np: paper", "np", "persistence", "linear"}
+    assert set(content["at_or_below_the_paper"]) == {"np: paper", NP, "persistence", "linear"}
     assert all(
         found["unstable"] == 0 for of in content["stability"].values() for found in of.values()
     )
@@ -93,9 +93,9 @@ def test_every_model_and_size_has_its_point_beside_the_papers(synthetic_flight):
     training, test = synthetic_flight(1250, 0), synthetic_flight(700, 1)
     configs = {**dut.configs(seed=0), "paper": make_config("paper", epochs=1)}
     points = dut.sample_efficiency(Run(), training, test, configs, sizes=SIZES)
-    sizes = {(p["samples"], p["pieces"]) for p in points if p["row"] == "np"}
+    sizes = {(p["samples"], p["pieces"]) for p in points if p["row"] == NP}
     assert sizes == {(600, 2), (1200, 1)}
-    assert {p["row"] for p in points} == {"np: paper", "np", "persistence", "linear"}
+    assert {p["row"] for p in points} == {"np: paper", NP, "persistence", "linear"}
     for p in points:
         for mean, low, high in (p["force"], p["torque"]):
             assert 0 < low <= mean <= high
@@ -110,7 +110,7 @@ def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(neurobem):
     model = train([training], make_config(NP, frame="body")).model
     cells, stability = dut.estimation_table(Run(), {NP: model}, tests, {})
     assert list(cells) == list(tests)
-    assert dut.ratios(cells, "np").shape == (10 * len(tests),)
-    assert dut.ratios(cells, "np").max() < 0.25
+    assert dut.ratios(cells, NP).shape == (10 * len(tests),)
+    assert dut.ratios(cells, NP).max() < 0.25
     assert dut.ratios(cells, "persistence").max() <= 1.0  # the floor, not the goal
     assert all(found["unstable"] == 0 for found in stability[NP].values())

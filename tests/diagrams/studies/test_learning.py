@@ -8,11 +8,12 @@ import pytest
 
 from diagrams.loop.controller_config import FILTER_MODEL
 from diagrams.studies import learning
-from diagrams.studies.learning import FIRST, flown_error, learn_priors
-from np_drake.payload_filter.bank_options import Prior
+from diagrams.studies.learning import flown_error, learn_priors
+from np_drake.payload_filter.bank_options import BankOptions, Prior
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.vehicle import Vehicle
 
+FIRST = BankOptions()
 HOW = {"model": PayloadFilterModel.load(FILTER_MODEL), "seed": 3, "vehicle": Vehicle()}
 
 

@@ -10,11 +10,11 @@ from np_drake.payload_filter.bank_options import CONDITIONAL, BankOptions, Prior
 from np_drake.payload_filter.filter_bank import PendulumBank
 from tests.np_drake.payload_filter.conftest import STEP, G
 
-ENDLESS = (1e12,) * 3  # durations of conditions that do not change [s]
+ENDLESS = (1e12,) * 4  # durations of conditions that do not change [s]
 
 
 def test_numbers_of_a_bank_give_it_back_through_a_file():
-    other = BankOptions(lengths=(0.4,), mass=Prior(0.3, 0.4), push=(1, 2, 3), bare=0.25)
+    other = BankOptions(lengths=(0.4,), mass=Prior(0.3, 0.4), push=(1, 2, 3, 4), bare=0.25)
     for dut in (BankOptions(), other):
         assert BankOptions.of_numbers(json.loads(json.dumps(dut.as_numbers()))) == dut
 
@@ -32,7 +32,7 @@ def test_one_condition_or_no_length_is_refused():
 
 
 def test_a_parameter_returns_to_its_prior_by_the_memory_of_its_condition():
-    memory, push_time, steps = np.array([0.5, 1.0, 2.0]), np.array([0.3, 0.6, 0.9]), 20
+    memory, push_time, steps = np.array([0.5, 1, 2, 4]), np.array([0.3, 0.6, 0.9, 1.2]), 20
     options = BankOptions(
         lengths=(0.8,), memory=tuple(memory), push_time=tuple(push_time), duration=ENDLESS
     )
