@@ -41,8 +41,8 @@ def make_diagram(kind: str) -> tuple[Diagram, Recorder]:
 
 
 def main() -> None:
-    """Flies 8 s with nominal MPC and NP-MPC; prints the errors after the ramp [m]."""
-    for kind in ("nominal", "np"):
+    """Flies 8 s with nominal MPC and payload_filter; prints the errors after the ramp [m]."""
+    for kind in ("nominal", "payload_filter"):
         diagram, recorder = make_diagram(kind)
         simulator = Simulator(diagram)
         ApplySimulatorConfig(

@@ -19,7 +19,7 @@ PRINTS = {  # script: what stands in its last lines
     "custom_diagram": "E_xy",
     "own_controller": ", 0.3",
     "diagnose_a_log": "suspended_payload",
-    "fly_a_scenario": "np",
+    "fly_a_scenario": "payload_filter E_xy",
     "learn_a_correction": "cascade + correction: 4.",
 }
 NEEDS = {"learn_a_correction": "gymnasium"}  # script: package that no command needs

@@ -22,12 +22,12 @@ def flown(firmware):
         config.controller.kind = kind
         return fly(config.check_and_step(), seed=1)
 
-    return {kind: one(kind) for kind in ("nominal", "np")}
+    return {kind: one(kind) for kind in ("nominal", "payload_filter")}
 
 
-def test_the_vehicle_flies_on_the_firmware_and_np_flies_best(flown):
+def test_the_vehicle_flies_on_the_firmware_and_a_forecast_flies_best(flown):
     errors = {kind: one.metrics()["E_xy"] for kind, one in flown.items()}
-    assert errors["np"] < 0.4 * errors["nominal"] < 0.04
+    assert errors["payload_filter"] < 0.4 * errors["nominal"] < 0.04
 
 
 def test_its_rate_loop_is_that_of_the_gains_it_was_given(flown):

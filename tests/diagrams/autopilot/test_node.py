@@ -28,7 +28,7 @@ from tests.diagrams.autopilot.rail import (
 FLYING_AT = 3.2  # when any flight here has long been handed over [s]
 
 
-@pytest.mark.parametrize("controller", ["np", "observer"])
+@pytest.mark.parametrize("controller", ["np", "payload_filter", "observer"])
 def test_a_companion_commands_what_the_diagram_of_a_flight_commands(controller):
     config = flight(controller)
     diagram = make_flight_diagram(config)

@@ -72,7 +72,12 @@ def test_a_controller_that_knows_or_finds_the_delay_holds_on():
 
 @pytest.mark.parametrize(
     "kind, delay, most",
-    [("hold", 0.1, 0.06), ("observer", 0.04, 0.06), ("np", 0.0, 0.006), ("oracle", 0.0, 0.003)],
+    [
+        ("hold", 0.1, 0.06),
+        ("observer", 0.04, 0.06),
+        ("payload_filter", 0.0, 0.006),
+        ("oracle", 0.0, 0.003),
+    ],
 )
 def test_a_lag_of_the_rotors_that_the_vehicle_file_tells_is_flown(kind, delay, most):
     config = circle(kind, delay, command_delay=delay)
@@ -95,7 +100,7 @@ def piloted(kind="nominal", autopilot="rate_loop", **changes) -> FlightConfig:
 
 
 def test_predictors_fly_on_body_rates_which_the_log_holds():
-    nominal, learned = (fly(piloted(kind), seed=1) for kind in ("nominal", "np"))
+    nominal, learned = (fly(piloted(kind), seed=1) for kind in ("nominal", "payload_filter"))
     assert learned.metrics()["E_xy"] < 0.4 * nominal.metrics()["E_xy"] < 0.03
     log, command = nominal.log(), nominal.signals["rates_thrust"]
     assert log.commanded_rates.shape == log.w.shape

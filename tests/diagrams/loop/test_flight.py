@@ -80,7 +80,8 @@ def test_labels_follow_the_true_wrench(nominal):
 
 
 def test_a_residual_model_flies_better_than_none_and_the_oracle_best(nominal, flown):
-    hold, oracle, learned = (flown("circle", kind, **LONG) for kind in ("hold", "oracle", "np"))
+    kinds = ("hold", "oracle", "payload_filter")
+    hold, oracle, learned = (flown("circle", kind, **LONG) for kind in kinds)
     assert hold.metrics()["E_z"] < 0.2 * nominal.metrics()["E_z"]
     assert hold.metrics()["solve_failures"] == 0
     assert oracle.metrics()["E_xy"] < 0.01
