@@ -267,9 +267,7 @@ HOVER_ROWS = (
     # pitch oscillate.
     dc.replace(NP, name=DAMPED, weight_swing=10.0, weight_rate=3.0),
     FILTER,
-    # Three times the weight: what the vehicle can do against the swing is less than the lifted
-    # model makes of it.
-    dc.replace(FILTER, name=FILTER_DAMPED, weight_swing=30.0, weight_rate=3.0),
+    dc.replace(FILTER, name=FILTER_DAMPED, weight_swing=10.0, weight_rate=3.0),
     named(ROWS, "oracle"),
 )
 AFTER = 2.0  # from here on after the event the new level counts as reached [s]
