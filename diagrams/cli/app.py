@@ -82,7 +82,7 @@ class _Lazy(TyperGroup):
 app = Verbs(
     name=PROGRAM,
     cls=_Lazy,
-    help="Neural Predictor, payload filter and MPC for a quadrotor with a tethered payload, on Drake.",
+    help="Neural Predictor, payload filter and MPC for a quadrotor with a payload, on Drake.",
     epilog=EPILOG,
 )
 

@@ -115,10 +115,7 @@ def run_demo(
             flight [s].
         on_progress: is told the share that is done and what is done next.
     """
-    models = {
-        LEARNED.kind: folder / "predictor.safetensors",
-        FILTER.kind: folder / "payload_filter.safetensors",
-    }
+    models = {row.kind: folder / f"{row.kind}.safetensors" for row in (LEARNED, FILTER)}
     practice = training_config(TRAINING, solver=solver)
     vehicle = dc.replace(practice.vehicle, command_timing="held")  # as a simulator logs them
     configs = {

@@ -47,16 +47,23 @@ def flown(tmp_path_factory):
 
 @pytest.mark.parametrize("mass", [2.0, 0.5])
 def test_a_log_tells_the_vehicle_and_the_packaged_model_the_rest(mass, flown, tmp_path, capsys):
-    out, file = tmp_path / "np.safetensors", tmp_path / "vehicle.yaml"
+    names = ("model.safetensors", "vehicle.yaml", "train.json")
+    out, file, metrics = (tmp_path / name for name in names)
     file.write_text(f"mass: {mass}\n")
-    words = ["train", str(flown), "--out", str(out), "--vehicle", str(file)]
+    words = ["train", str(flown), "--out", str(out), "--vehicle", str(file), "--json", str(metrics)]
     assert run(words) == 0, capsys.readouterr().err
-    assert "configuration: payload_filter" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "configuration: payload_filter" in said
     model, packaged = PayloadFilterModel.load(out), PayloadFilterModel.load(FILTER_MODEL)
     assert (model.bank, model.learned) == (packaged.bank, packaged.learned)
     assert model.mass == mass
     assert model.summary["origin"]["mass"] == mass
-    assert not (tmp_path / "np.png").exists()
+    assert f"{100 * model.thrust_error:.2f}" in said
+    assert f"{1e3 * model.rotor_lag:.1f}" in said
+    assert re.search(rf"delay of commands \[ms\]\W+{1e3 * model.delay:.1f}\b", said)
+    assert model.summary["command_delay"] == model.delay
+    assert json.loads(metrics.read_text())["summary"]["command_delay"] == model.delay
+    assert not out.with_suffix(".png").exists()
 
 
 def test_arrays_in_body_axes_train_what_suits_them(tmp_path, capsys):
@@ -85,20 +92,6 @@ def test_the_envelope_is_flown_and_learnt_without_a_log(tmp_path, capsys):
     assert PayloadFilterModel.load(out).learned == {"flights": 2, "seed": 0}
     assert out.with_suffix(".png").exists()
     assert "2 of 2 flights" not in capsys.readouterr().out  # a bar, not a table
-
-
-def test_a_pendulum_is_trained_by_name_and_says_what_it_found(logs, tmp_path, capsys):
-    out, metrics = tmp_path / "model.safetensors", tmp_path / "train.json"
-    files = ["--out", str(out), "--json", str(metrics)]
-    assert run(["train", str(logs[0]), "--configuration", "payload_filter", *files]) == 0
-    said = capsys.readouterr().out
-    model = PayloadFilterModel.load(out)
-    assert f"{100 * model.thrust_error:.2f}" in said
-    assert f"{1e3 * model.rotor_lag:.1f}" in said
-    assert re.search(rf"delay of commands \[ms\]\W+{1e3 * model.delay:.1f}\b", said)
-    assert model.summary["command_delay"] == model.delay
-    assert json.loads(metrics.read_text())["summary"]["command_delay"] == model.delay
-    assert not (tmp_path / "model.png").exists()
 
 
 def test_a_log_in_which_nothing_moves_is_refused_unless_forced(logs, tmp_path, capsys):

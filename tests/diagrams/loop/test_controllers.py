@@ -9,6 +9,7 @@ from diagrams.loop.controller_config import FILTER_MODEL, ControllerConfig
 from diagrams.loop.controllers import kind_of_model, make_residual_model
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, default_flight
+from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
 from diagrams.loop.flight_result import LostVehicle, fly
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem
@@ -48,6 +49,22 @@ def test_a_lifted_linear_system_flies_as_np(tmp_path):
     assert kinds == ("np", "payload_filter")
     with pytest.raises(ValueError, match="step must equal the period"):
         make_residual_model(dc.replace(config, period=0.01), Vehicle())
+
+
+def test_the_diagram_of_np_holds_z_and_window_whose_step_is_linear():
+    config = circle("np")
+    simulator = make_simulator(make_flight_diagram(config), config, seed=0)
+    simulator.AdvanceTo(1.5)
+    dut = simulator.get_system().GetSubsystemByName("predictor")
+    context = dut.GetMyContextFromRoot(simulator.get_context())
+    z, window = (context.get_discrete_state(i).value() for i in (dut.z_index, dut.window_index))
+    assert z.any()
+    assert window.any()
+    s, zeta = dut.GetOutputPort("lifted_linear_system").Eval(context), np.ones((2, 6))
+    model = make_residual_model(config.controller, Vehicle())
+    forecast = model.forecast(dut.memory(context), horizon=2, stride=1)
+    expected = forecast.C @ (s.A @ z + s.B @ zeta[0]) + forecast.offset[1]
+    np.testing.assert_allclose(forecast.rollout(zeta)[1], expected, rtol=0, atol=1e-12)
 
 
 def test_the_payload_filter_finds_a_delay_in_flight_and_holds_the_circle():
