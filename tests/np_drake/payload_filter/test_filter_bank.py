@@ -1,22 +1,14 @@
 """Laws of what is believed of payload and air, by condition."""
 
-import json
-
 import numpy as np
 import pytest
 
 from np_drake.payload_filter import kernel
-from np_drake.payload_filter.bank_options import CONDITIONAL, BankOptions, Prior
+from np_drake.payload_filter.bank_options import CONDITIONAL, BankOptions
 from np_drake.payload_filter.filter_bank import PendulumBank
 from tests.np_drake.payload_filter.conftest import STEP, G
 
 ENDLESS = (1e12,) * 4  # durations of conditions that do not change [s]
-
-
-def test_numbers_of_a_bank_give_it_back_through_a_file():
-    other = BankOptions(lengths=(0.4,), mass=Prior(0.3, 0.4), push=(1, 2, 3, 4), bare=0.25)
-    for dut in (BankOptions(), other):
-        assert BankOptions.of_numbers(json.loads(json.dumps(dut.as_numbers()))) == dut
 
 
 @pytest.mark.parametrize("name", CONDITIONAL)

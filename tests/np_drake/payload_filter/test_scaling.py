@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from np_drake.payload_filter import kernel
-from np_drake.payload_filter.bank_options import BankOptions
+from np_drake.payload_filter.bank_options import BankOptions, Prior
 from np_drake.payload_filter.kernel import PARAMETERS, POINT, weigh_bank
 from np_drake.payload_filter.model_file import SCHEMA, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
@@ -82,7 +82,7 @@ def test_a_model_file_gives_back_the_model_and_lacks_nothing(tmp_path):
             PayloadFilterModel.load(path)
 
 
-FEW = BankOptions(lengths=(0.4, 0.9))
+FEW = BankOptions(lengths=(0.4, 0.9), mass=Prior(0.3, 0.4), push=(1, 2, 3, 4), bare=0.25)
 FIRST = np.array([0.5, 0.3, 0.2])
 
 
