@@ -244,7 +244,7 @@ def _published(line: dict) -> tuple[float, ...]:
 
 
 # Position RMSE [m]. Source: Jin et al. 2025, hovering experiment
-HOVER_PAPER = {"nominal": 0.242, "np": 0.064}
+HOVER_PAPER = {"nominal": 0.242, "np: paper": 0.064, "np": 0.064}
 HOVER_KEYS = ("position_rmse", "early", "late", "E_xy", "E_z", "amplitude", "rate", "settling")
 HOVER_LOST = {
     **dict.fromkeys(HOVER_KEYS, np.inf),

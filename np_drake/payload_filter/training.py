@@ -48,12 +48,12 @@ def train_payload_filter(
 ) -> PayloadFilterModel:
     """Return the model of the vehicle that flew `flights`.
 
-    The filter runs over them with wide priors, twice: the second time it knows the hook.
+    The filter runs over them, twice: the second time it knows the hook.
 
     Args:
         step: between samples [s].
-        prior: whose bank the model takes, which holds for any vehicle in its units of length, mass
-            and time; None: that from which learning starts.
+        prior: whose bank runs and stays in the model; it holds for any vehicle in its units of
+            length, mass and time. None: that from which learning starts.
         on_pass: called with (done, total).
     Raises: ValueError: if the logs are of different vehicles, or one is without torque, its labels
         or rows.
@@ -73,18 +73,18 @@ def train_payload_filter(
             f"payload_filter: flight {log.name} must have torque labels at neighbouring samples "
             "(command and angular acceleration in the same rows); got none.",
         )
-    hook = np.zeros(3)
+    model = _untrained(vehicle, lag, step, BankOptions() if prior is None else prior.bank)
     for done in (1, 2):
-        model = _refined(_untrained(vehicle, lag, step, hook), samples)
-        hook = model.hook
+        found = _refined(model, samples)
+        model = dc.replace(model, hook=found.hook)
         on_pass(done, 2)
     summary = {
         "origin": origin_of("world", vehicle, RAW),
         "samples": sum(map(len, samples)),
         "command_delay": delay,
     }
-    model = dc.replace(model, delay=delay, summary=summary)
-    return model if prior is None else dc.replace(model, bank=prior.bank, learned=prior.learned)
+    learned = {} if prior is None else prior.learned
+    return dc.replace(found, delay=delay, summary=summary, learned=learned)
 
 
 def opened_logs(flights: Sequence[Flight]) -> Flights:
@@ -120,11 +120,10 @@ def flight_samples(
 
 
 def _untrained(
-    vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray
+    vehicle: Vehicle, rotor_lag: float, step: float, bank: BankOptions
 ) -> PayloadFilterModel:
-    """Return the model before any flight, with the wide priors of the bank."""
-    bank = BankOptions().scaled(ratios(vehicle))
-    thrust, drag = bank.thrust_error, bank.drag
+    """Return the model before any flight, with the priors of the bank."""
+    thrust, drag = bank.thrust_error, bank.scaled(ratios(vehicle)).drag
     return PayloadFilterModel(
         step,
         vehicle.mass,
@@ -134,8 +133,9 @@ def _untrained(
         thrust.deviation,
         drag.mean,
         drag.deviation,
-        hook,
+        np.zeros(3),
         arm=scales(vehicle).length,
+        bank=bank,
     )
 
 
