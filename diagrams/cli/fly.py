@@ -194,7 +194,7 @@ def scenarios(
         "give either --reality, which has a vehicle of its own, or --vehicle.",
     )
     changed = bool(fields) or payload is not None or reality is not None
-    whole = not changed and not controllers and not duration and not autopilot
+    whole = not (changed or controllers or predictor or duration or autopilot)
     first = load_experiment(
         experiment, None if vehicle is None else load_vehicle(vehicle), reality, checked=whole
     )
@@ -207,17 +207,19 @@ def scenarios(
         first = with_payload(first, payload)
     wanted = [*fields, *([f"duration={duration}"] if duration else [])]
 
-    def flown_by(kind: str) -> FlightConfig:
-        config = _with_fields(_with_controller(first, kind), wanted)
+    def checked(config: FlightConfig) -> FlightConfig:
         config = config.check_and_step() if changed and not named else config.check()
         return config if autopilot is None else _with_autopilot(config, autopilot)
 
-    configs = [flown_by(kind) for kind in controllers or [first.controller.kind]]
+    kinds = controllers or [first.controller.kind]
+    configs = [_with_fields(_with_controller(first, kind), wanted) for kind in kinds]
     chosen = controllers or any(field.startswith("controller.kind=") for field in fields)
-    if experiment in EXPERIMENTS and not chosen:
-        configs = [_with_controller(configs[0], _default_controller(configs[0], predictor))]
-    if predictor is not None:
+    default = experiment in EXPERIMENTS and not chosen
+    if predictor is not None and not default:
         _give(predictor, configs)
+    configs = [checked(config) for config in configs]
+    if default:
+        configs = [_with_default_controller(configs[0], predictor)]
     for config in configs:
         config.check()
         if config.autopilot.kind == "betaflight":
@@ -287,14 +289,16 @@ def _give(predictor: Path, configs: Sequence[FlightConfig]) -> None:
     fits[0].predictor = str(predictor)
 
 
-def _default_controller(config: FlightConfig, predictor: Path | None) -> str:
-    """Return the kind of the model file; without one `payload_filter`, or `hold`, which needs no
-    model, and say so.
+def _with_default_controller(config: FlightConfig, predictor: Path | None) -> FlightConfig:
+    """Return a copy with the controller of the model file; without one `payload_filter`, or `hold`,
+    which needs no model, and say so.
 
     The packaged model knows the paper's vehicle.
     """
     if predictor is not None:
-        return kind_of_model(str(predictor))
+        config = _with_controller(config, kind_of_model(str(predictor)))
+        config.controller.predictor = str(predictor)
+        return config
     try:
         make_residual_model(dc.replace(config.controller, kind=PAYLOAD_FILTER), config.vehicle)
     except ValueError:
@@ -302,8 +306,8 @@ def _default_controller(config: FlightConfig, predictor: Path | None) -> str:
             f"controller: hold, as the packaged predictor is for the paper's vehicle and not for "
             f"{config.vehicle.name}; np-drake train LOG makes one of its own."
         )
-        return "hold"
-    return PAYLOAD_FILTER
+        return _with_controller(config, "hold")
+    return _with_controller(config, PAYLOAD_FILTER)
 
 
 def fly_all(configs: list[FlightConfig], seed: int, lost: list[FailedRun]) -> list[FlightResult]:

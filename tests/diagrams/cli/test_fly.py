@@ -13,6 +13,7 @@ from diagrams.cli.fly import scenarios
 from diagrams.cli.main import run
 from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from np_drake.logs.opening import open_flights
+from np_drake.residual_models.motion_model import GaussianProcess, MotionModel
 
 
 @pytest.mark.parametrize("kind", ["hold", "cascade"])  # with labels of the wrench, and without
@@ -203,3 +204,13 @@ def test_a_model_file_that_no_controller_can_fly_is_refused_by_name():
             scenarios("circle", [other], predictor=PACKAGED[own])
         (config,) = scenarios("circle", [], predictor=PACKAGED[own])
         assert config.controller.kind == own
+
+
+def test_a_kind_without_a_packaged_model_flies_the_file_that_is_given(tmp_path):
+    path, mine = tmp_path / "gp.safetensors", tmp_path / "mine.yaml"
+    process = GaussianProcess(np.zeros((1, 6)), np.ones((1, 6)), np.ones((6, 6)), np.zeros(6))
+    MotionModel("gp", process, 0.02).save(path)
+    mine.write_text("controller: {kind: gp}\n")
+    for experiment, kinds in (("circle", ["gp"]), ("circle", []), (str(mine), [])):
+        (config,) = scenarios(experiment, kinds, predictor=path)
+        assert (config.controller.kind, config.controller.predictor) == ("gp", str(path))
