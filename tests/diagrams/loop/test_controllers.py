@@ -87,15 +87,10 @@ def test_a_controller_that_knows_or_finds_the_delay_holds_on():
     assert found["command_delay"] == pytest.approx(0.06, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    "kind, delay, most",
-    [
-        ("hold", 0.1, 0.06),
-        ("observer", 0.04, 0.06),
-        ("payload_filter", 0.0, 0.006),
-        ("oracle", 0.0, 0.003),
-    ],
-)
+LAGS = [("hold", 0.1, 0.06), ("observer", 0.04, 0.06), ("payload_filter", 0.0, 0.006)]
+
+
+@pytest.mark.parametrize("kind, delay, most", [*LAGS, ("oracle", 0.0, 0.003)])
 def test_a_lag_of_the_rotors_that_the_vehicle_file_tells_is_flown(kind, delay, most):
     config = circle(kind, delay, command_delay=delay)
     config.vehicle.rotor_time_constant, config.reality.motor_lag = 0.15, 0.0  # [s]

@@ -11,16 +11,13 @@ from tests.np_drake.payload_filter.conftest import STEP, G
 ENDLESS = (1e12,) * 4  # durations of conditions that do not change [s]
 
 
-@pytest.mark.parametrize("name", CONDITIONAL)
-def test_options_of_unequal_conditions_are_refused_in_one_line(name):
+UNEQUAL = [{name: (1.0, 2.0)} for name in CONDITIONAL]
+
+
+@pytest.mark.parametrize("bad", [*UNEQUAL, dict.fromkeys(CONDITIONAL, (1.0,)), {"lengths": ()}])
+def test_unequal_or_too_few_conditions_or_lengths_are_refused_in_one_line(bad):
     with pytest.raises(ValueError, match=r"^BankOptions: [^\n]*same conditions[^\n]*$"):
-        BankOptions(**{name: (1.0, 2.0)})
-
-
-def test_one_condition_or_no_length_is_refused():
-    for options in (dict.fromkeys(CONDITIONAL, (1.0,)), {"lengths": ()}):
-        with pytest.raises(ValueError, match="BankOptions"):
-            BankOptions(**options)
+        BankOptions(**bad)
 
 
 def test_a_parameter_returns_to_its_prior_by_the_memory_of_its_condition():
