@@ -211,15 +211,17 @@ def scenarios(
         config = config.check_and_step() if changed and not named else config.check()
         return config if autopilot is None else _with_autopilot(config, autopilot)
 
-    kinds = controllers or [first.controller.kind]
-    configs = [_with_fields(_with_controller(first, kind), wanted) for kind in kinds]
     chosen = controllers or any(field.startswith("controller.kind=") for field in fields)
     default = experiment in EXPERIMENTS and not chosen
-    if predictor is not None and not default:
+    kinds = controllers or [first.controller.kind]
+    if default and predictor is not None:
+        kinds = [kind_of_model(str(predictor))]
+    configs = [_with_fields(_with_controller(first, kind), wanted) for kind in kinds]
+    if predictor is not None:
         _give(predictor, configs)
     configs = [checked(config) for config in configs]
-    if default:
-        configs = [_with_default_controller(configs[0], predictor)]
+    if default and predictor is None:
+        configs = [_with_controller(configs[0], _default_controller(configs[0]))]
     for config in configs:
         config.check()
         if config.autopilot.kind == "betaflight":
@@ -289,16 +291,11 @@ def _give(predictor: Path, configs: Sequence[FlightConfig]) -> None:
     fits[0].predictor = str(predictor)
 
 
-def _with_default_controller(config: FlightConfig, predictor: Path | None) -> FlightConfig:
-    """Return a copy with the controller of the model file; without one `payload_filter`, or `hold`,
-    which needs no model, and say so.
+def _default_controller(config: FlightConfig) -> str:
+    """Return `payload_filter`, or `hold`, which needs no model, and say so.
 
     The packaged model knows the paper's vehicle.
     """
-    if predictor is not None:
-        config = _with_controller(config, kind_of_model(str(predictor)))
-        config.controller.predictor = str(predictor)
-        return config
     try:
         make_residual_model(dc.replace(config.controller, kind=PAYLOAD_FILTER), config.vehicle)
     except ValueError:
@@ -306,8 +303,8 @@ def _with_default_controller(config: FlightConfig, predictor: Path | None) -> Fl
             f"controller: hold, as the packaged predictor is for the paper's vehicle and not for "
             f"{config.vehicle.name}; np-drake train LOG makes one of its own."
         )
-        return _with_controller(config, "hold")
-    return _with_controller(config, PAYLOAD_FILTER)
+        return "hold"
+    return PAYLOAD_FILTER
 
 
 def fly_all(configs: list[FlightConfig], seed: int, lost: list[FailedRun]) -> list[FlightResult]:

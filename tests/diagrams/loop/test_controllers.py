@@ -45,8 +45,7 @@ def test_a_lifted_linear_system_flies_as_np(tmp_path):
     save_model(LiftedModel(MODE_DICTIONARY, system, encoder, 1, ones, ones), path)
     config = ControllerConfig("np", predictor=str(path))
     assert isinstance(make_residual_model(config, Vehicle()), NeuralPredictor)
-    kinds = kind_of_model(str(path)), kind_of_model(str(FILTER_MODEL))
-    assert kinds == ("np", "payload_filter")
+    assert [kind_of_model(str(p)) for p in (path, FILTER_MODEL)] == ["np", "payload_filter"]
     with pytest.raises(ValueError, match="step must equal the period"):
         make_residual_model(dc.replace(config, period=0.01), Vehicle())
 

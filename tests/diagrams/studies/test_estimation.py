@@ -9,11 +9,10 @@ from diagrams.batch.run import Run
 from diagrams.cli.main import run
 from diagrams.studies import estimation as dut
 from diagrams.studies.estimation import COLUMNS, PUBLISHED, column_rmse
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY as NP
 from np_drake.lifting.training.train import make_config, train
 from np_drake.logs.formats.neurobem import TESTS, TRAINING
 
-NP = MODE_DICTIONARY
 STEMS = {name: stem for stem, name in TESTS.items()}
 FLOWN = ("random points", "ellipse")  # one without a row of the published NP
 OWN = "2021-03-01-10-00-00_seg_1"  # a flight that the table does not have
