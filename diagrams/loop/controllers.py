@@ -322,10 +322,9 @@ def _learned(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
         found = PayloadFilter.load(config.predictor or FILTER_MODEL)
     else:
         found = load_np(config.predictor or NP_MODEL)
-    if not isinstance(found, PayloadFilter):
-        _require_fit(found.model, found.step, config, vehicle)
-        return found
     _require_fit(found.model, found.step, config, vehicle, found.label)
+    if not isinstance(found, PayloadFilter):
+        return found
     lag = vehicle.rotor_time_constant or found.rotor_lag
     return PayloadFilter(dc.replace(found.model, rotor_lag=lag))
 

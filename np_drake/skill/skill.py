@@ -266,7 +266,7 @@ def predictor_of(model: Model) -> Predictor:
     """Return the predictor of a model, which predicts force and torque."""
     if isinstance(model, PayloadFilterModel):
         return PayloadFilter(model)
-    return NeuralPredictor(model, torque="predict")
+    return NeuralPredictor(model)
 
 
 def _longest_flown(flight: Flight, predictor: Predictor) -> tuple[Segment, SampledFlight]:
@@ -274,16 +274,15 @@ def _longest_flown(flight: Flight, predictor: Predictor) -> tuple[Segment, Sampl
 
     Raises: ValueError: if the predictor was trained on other labels, or nothing usable is left.
     """
-    if not isinstance(predictor, ReadsLabels):
-        require_origin(predictor.model, {"frame": flight.frame})
-        piece = _longest_piece(flight, predictor.step)
-        return piece, of_wrenches(piece.chi, piece.zeta, piece.step)
     require_origin(predictor.model, origin_of(flight.frame, flight.vehicle, predictor.label))
     if not isinstance(flight.data, FlightLog):
-        raise ValueError(
+        require(
+            isinstance(predictor, NeuralPredictor),
             f"{flight.data.name}: must be a flight log, with attitude and command, for "
-            f"{predictor.name}; got an array."
+            f"{predictor.name}; got an array.",
         )
+        piece = _longest_piece(flight, predictor.step)
+        return piece, of_wrenches(piece.chi, piece.zeta, piece.step)
     pieces = flown_segments(flight.data, flight.vehicle, predictor, step=predictor.step)
     require(pieces, f"{flight.data.name}: must hold rows without NaN; got none.")
     return max(pieces, key=lambda piece: len(piece[0]))

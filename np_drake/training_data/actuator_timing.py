@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
-from np_drake.command_delay import believed_before
+from np_drake.command_delay import FINE, LONGEST_DELAY, believed_before
 from np_drake.flight_log import FlightLog
 from np_drake.labels import raw_labels
 from np_drake.rotor_input import with_rotor_lag
@@ -38,6 +38,11 @@ def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
         (log, v) for log, v in flights if log.input == "command" and v.rotor_time_constant == 0
     ]
     return _best_lag(sought)[0] if sought else 0.0
+
+
+def delays_sought(step: float) -> list[float]:
+    """Return the delays of commands that a training tries, of a vehicle sampled every `step` [s]."""
+    return [step * part / FINE for part in range(LONGEST_DELAY * FINE + 1)]
 
 
 def learned_timing(

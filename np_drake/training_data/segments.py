@@ -399,7 +399,7 @@ def flown_segments(
     """
     log = _usable(log)
     label = model.label if isinstance(model, ReadsLabels) else None
-    late = getattr(model, "delay", 0.0)  # of commands, as its training has shown [s]
+    late = getattr(model, "delay", None) or 0.0  # of commands, as its training has shown [s]
     seen = picked_flight(delayed(log, late), labelled(vehicle, model), step=step, label=label)
     made = labelled_rows(log, vehicle, None, step=step)
     pieces, runs = _pieces(*made, step), finite_runs(*made)

@@ -25,9 +25,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.lifting.model.lifted_linear_system import (
-    DelayEncoder,
-    DelayTaps,
+    Encoder,
     LiftedLinearSystem,
+    Taps,
     Trust,
 )
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
@@ -61,7 +61,7 @@ def flight_moments(
     samples: np.ndarray,
     goal: np.ndarray,
     *,
-    taps: DelayTaps,
+    taps: Taps,
     horizons: np.ndarray,
     max_origins: int,
     symmetry: float,
@@ -334,9 +334,9 @@ class ModeDictionaryConfig:
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
 
     @property
-    def taps(self) -> DelayTaps:
+    def taps(self) -> Taps:
         """Samples and averages that the encoder sees."""
-        return DelayTaps(self.delay, self.dense, self.averages)
+        return Taps.averaging(self.delay, self.dense, self.averages)
 
     @property
     def grid(self) -> np.ndarray:
@@ -445,9 +445,7 @@ def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> Li
     return LiftedModel(
         MODE_DICTIONARY,
         system,
-        DelayEncoder(E, config.delay, offset),
-        config.delay,
-        scale[:6],
+        Encoder(E, offset=offset),
         scale[6:],
         trust=trust,
     )

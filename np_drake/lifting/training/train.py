@@ -5,16 +5,21 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from np_drake.checks import require
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, NEURAL_WINDOW, PAPER, LiftedModel
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.mode_dictionary import ModeDictionaryConfig, train_mode_dictionary
+from np_drake.lifting.training.neural_window import NeuralWindowConfig, train_neural_window
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
 from np_drake.training_data.segments import Segment
 
 C = TypeVar("C")
-Config = ModeDictionaryConfig | PaperConfig
+Config = ModeDictionaryConfig | NeuralWindowConfig | PaperConfig
 DEFAULT_CONFIG = PaperConfig()
-CONFIGURATIONS: dict[str, Config] = {PAPER: DEFAULT_CONFIG, MODE_DICTIONARY: ModeDictionaryConfig()}
+CONFIGURATIONS: dict[str, Config] = {
+    PAPER: DEFAULT_CONFIG,
+    NEURAL_WINDOW: NeuralWindowConfig(),
+    MODE_DICTIONARY: ModeDictionaryConfig(),
+}
 
 
 @dc.dataclass(frozen=True)
@@ -83,5 +88,6 @@ def configured(configurations: Mapping[str, C], name: str, settings: Mapping[str
 
 _TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
     ModeDictionaryConfig: train_mode_dictionary,
+    NeuralWindowConfig: train_neural_window,
     PaperConfig: train_paper,
 }

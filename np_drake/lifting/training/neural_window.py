@@ -1,0 +1,261 @@
+"""Training of the `neural-window` configuration: a network beside a linear encoder of the window.
+
+    eta = E w,   z = eta + W3 relu(W2 relu(W1 eta)),   z+ = A z + B zeta,   chi_hat = C z
+
+A vehicle that hovers is the same in x and y, and left to right. So x and y have one law, z
+another, and the network is averaged over quarter turns and mirrors; in W this holds at yaw near
+zero, in body axes as far as the airframe is symmetric.
+
+E, A, B, C begin as the linear system that subspace identification finds. Then all of them and the
+network descend on the error of forecasts of chi, from one step to the horizon ahead, along the
+motion as it was flown.       Source: own choice; the encoder of a window as in delay-coordinate
+Koopman models, W1 and W2 spectrally normalised as in Jin et al. 2025, eq. (sn).
+"""
+
+import dataclasses as dc
+
+import numpy as np
+import torch
+from numpy.lib.stride_tricks import sliding_window_view
+from torch import nn
+
+from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Taps
+from np_drake.lifting.model.lifted_model import NEURAL_WINDOW, LiftedModel
+from np_drake.lifting.training import OnEpoch
+from np_drake.lifting.training.excitation import turns
+from np_drake.lifting.training.paper_training import (
+    descend_once,
+    foreseeing,
+    global_fit,
+    normalised,
+    perceptron,
+    stable,
+)
+from np_drake.training_data.segments import Segment, check_segments, group_scale
+
+# Channels of [chi, zeta] that move together, and the sign with which they do in that of x
+X = {0: 1.0, 4: 1.0, 6: 1.0, 10: 1.0}  # f_x, tau_y, v_x, w_y
+Y = {1: 1.0, 3: -1.0, 7: 1.0, 9: -1.0}
+Z = {2: 1.0, 8: 1.0}  # f_z, v_z
+YAW = {5: 1.0, 11: 1.0}  # tau_z, w_z
+FITTED = 20_000  # origins of the linear fit, thinned beyond [1]
+REPORTS = 20  # of the loss in a training [1]
+
+
+@dc.dataclass(frozen=True)
+class NeuralWindowConfig:
+    """Parameters of the `neural-window` configuration."""
+
+    sway: int = 9  # lifted states of x, and as many of y [1]
+    heave: int = 6  # of z [1]
+    yaw: int = 0  # of the torque about z; 0: it is held [1]
+    width: int = 128  # neurons of each of the two hidden layers [1]
+    delay: int = 50  # samples the encoder sees [1]
+    dense: int = 10  # of them one by one, the newest [1]
+    averages: int = 8  # the others in so many averages [1]
+    horizon: int = 40  # longest forecast that is trained on [steps]
+    refit: int = 40  # samples that A and B are fitted to in flight [1]
+    ridge: float = 3000.0  # of the offline A and B in that fit [samples of unit size]
+    epochs: int = 300  # gradient steps [1]
+    batch: int = 128  # forecasts of a step [1]
+    learning_rate: float = 5e-4  # of Adam, falling to a tenth along a cosine [1]
+    seed: int = 0  # of the initial weights and the forecasts of each step
+
+    @property
+    def taps(self) -> Taps:
+        """Samples and averages that the encoder sees."""
+        return Taps.averaging(self.delay, self.dense, self.averages)
+
+
+class Motion(nn.Module):
+    """Linear system of channels that move together, one for each of `planes`, all of one law.
+
+    Args:
+        size: lifted states.
+        planes: channels of [chi, zeta] and their signs; the first names the roles.
+    """
+
+    def __init__(self, size: int, planes: list[dict[int, float]]):
+        super().__init__()
+        self.size, self.planes = size, []
+        for plane in planes:
+            selection = np.zeros((12, len(plane)))
+            for column, (channel, sign) in enumerate(plane.items()):
+                selection[channel, column] = sign
+            self.planes.append(selection)
+        self.forces = sum(channel < 6 for channel in planes[0])
+
+    def fit(self, windows: np.ndarray, taps: Taps) -> None:
+        """Set E, A, B, C by subspace identification on windows (n, delay + horizon, 12), scaled."""
+        moved = np.concatenate([windows @ selection for selection in self.planes])
+        n, now = len(moved), taps.delay - 1
+        past, later = (self._features(moved[:, s : s + now + 1], taps) for s in (0, 1))
+        drive, future = moved[:, now:-1, self.forces :], moved[:, now + 1 :, : self.forces]
+        E = foreseeing(past, drive.reshape(n, -1), future.reshape(n, -1), self.size)
+        rows = np.hstack([past @ E.T, drive[:, 0]]), np.hstack([later @ E.T, future[:, 0]])
+        X, after = (torch.from_numpy(array) for array in rows)
+        law = global_fit(X, after[:, : self.size])
+        A, B = stable(law[: self.size]).T, law[self.size :].T
+        C = global_fit(X[:, : self.size] @ A.T + X[:, self.size :] @ B.T, after[:, self.size :]).T
+        self.E, self.A, self.B = nn.Parameter(torch.from_numpy(E)), nn.Parameter(A), nn.Parameter(B)
+        self.C = nn.Parameter(C)
+
+    def _features(self, moved: np.ndarray, taps: Taps) -> np.ndarray:
+        return np.einsum("td,ndc->ntc", taps.matrix, moved).reshape(len(moved), -1)
+
+    def encoder(self) -> torch.Tensor:
+        """Return E on the features of all channels, (planes * size, taps * 12)."""
+        c = self.planes[0].shape[1]
+        E = self.E.reshape(self.size, -1, c)
+        rows = [(E @ torch.from_numpy(s.T)).reshape(self.size, -1) for s in self.planes]
+        return torch.cat(rows)
+
+    def system(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Return A (K, K), B (K, 6) and C (6, K) of all planes, K = planes * size."""
+        chi = [torch.from_numpy(s[:6, : self.forces]) for s in self.planes]
+        zeta = [torch.from_numpy(s[6:, self.forces :]) for s in self.planes]
+        A = torch.block_diag(*[stable(self.A)] * len(self.planes))
+        B = torch.cat([self.B @ s.T for s in zeta])
+        return A, B, torch.cat([s @ self.C for s in chi], dim=1)
+
+
+class NeuralWindow(nn.Module):
+    """Encoder and lifted linear system, all with gradients, in scaled coordinates."""
+
+    def __init__(self, config: NeuralWindowConfig, windows: np.ndarray):
+        super().__init__()
+        groups = ((config.sway, [X, Y]), (config.heave, [Z]), (config.yaw, [YAW]))
+        self.motions = nn.ModuleList(Motion(size, planes) for size, planes in groups if size)
+        for motion in self.motions:
+            motion.fit(windows, config.taps)
+        self.images = torch.from_numpy(_images(config))
+        K, generator = self.images.shape[1], torch.Generator().manual_seed(config.seed)
+        sizes = ((config.width, K), (config.width, config.width))
+        self.hidden = nn.ParameterList(
+            torch.randn(*size, generator=generator, dtype=torch.float64) for size in sizes
+        )
+        self.last = nn.Parameter(torch.zeros(K, config.width, dtype=torch.float64))
+
+    def weights(self) -> list[torch.Tensor]:
+        """Return the layers, the hidden ones of largest singular value 1."""
+        return [*(normalised(W, 1.0) for W in self.hidden), self.last]
+
+    def encoder(self) -> torch.Tensor:
+        """Return E (K, taps * 12)."""
+        return torch.cat([motion.encoder() for motion in self.motions])
+
+    def lift(self, features: torch.Tensor) -> torch.Tensor:
+        """Return z (n, K) of features (n, taps * 12)."""
+        eta = features @ self.encoder().T
+        turned = perceptron(torch.einsum("nk,gkl->ngl", eta, self.images), self.weights())
+        return eta + torch.einsum("ngl,gkl->nk", turned, self.images) / len(self.images)
+
+    def system(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Return A (K, K), B (K, 6) and C (6, K)."""
+        A, B, C = zip(*(motion.system() for motion in self.motions), strict=True)
+        return torch.block_diag(*A), torch.cat(B), torch.cat(C, dim=1)
+
+    def forecast(self, features: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
+        """Return chi_hat (n, H, 6), 1 … H steps ahead, along zeta (n, H, 6) from now on."""
+        A, B, C = self.system()
+        z, drive, course = self.lift(features), zeta @ B.T, []
+        for i in range(zeta.shape[1]):
+            z = z @ A.T + drive[:, i]
+            course.append(z)
+        return torch.stack(course, dim=1) @ C.T
+
+
+def _images(config: NeuralWindowConfig) -> np.ndarray:
+    """Return what the eight turns and mirrors do to rows z, (8, K, K)."""
+    found = []
+    for turn in turns(np.eye(6)):
+        force, yaw = turn[:3, :3], turn[5, 5]
+        blocks = [np.kron(force[:2, :2], np.eye(config.sway)), np.eye(config.heave)]
+        blocks.append(yaw * np.eye(config.yaw))
+        K = sum(map(len, blocks))
+        image, start = np.zeros((K, K)), 0
+        for block in blocks:
+            end = start + len(block)
+            image[start:end, start:end] = block
+            start = end
+        found.append(image)
+    return np.array(found)
+
+
+def train_neural_window(
+    segments: list[Segment], config: NeuralWindowConfig, on_epoch: OnEpoch
+) -> tuple[LiftedModel, list[float]]:
+    """Return (model, loss now and then): the mean square of forecasts over that of the linear
+    start, one step ahead.
+    """
+    length = config.delay + config.horizon
+    segments = check_segments(segments, length)
+    columns = [s.chi for s in segments], [s.zeta for s in segments]
+    scale = np.concatenate([group_scale(values, centred=False) for values in columns])
+    pieces = [np.hstack([s.chi, s.zeta]) / scale for s in segments]
+    windows = [sliding_window_view(piece, length, axis=0) for piece in pieces]
+    places = np.array([(i, k) for i, views in enumerate(windows) for k in range(len(views))])
+
+    def at(chosen: np.ndarray) -> np.ndarray:
+        return np.stack([windows[i][k].T for i, k in chosen])
+
+    generator = np.random.default_rng(config.seed)
+    model = NeuralWindow(config, at(generator.permutation(places)[:FITTED]))
+    optimiser = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
+    steps = max(config.epochs, 1)
+    rate = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, config.learning_rate / 10)
+    taps, now = config.taps, config.delay - 1
+    weight, losses, history = None, list[float](), list[float]()
+    for step in range(1, config.epochs + 1):
+        batch = at(places[generator.integers(len(places), size=config.batch)])
+        features = np.einsum("td,ndc->ntc", taps.matrix, batch[:, : config.delay])
+        features, batch = torch.from_numpy(features.reshape(len(batch), -1)), torch.from_numpy(batch)
+        error = model.forecast(features, batch[:, now:-1, 6:]) - batch[:, now + 1 :, :6]
+        if weight is None:
+            weight = _weight(error.detach(), model.system()[2].detach())
+        loss = (error**2 * weight).mean()
+        descend_once(optimiser, loss)
+        rate.step()
+        losses.append(loss.item())
+        if step % max(1, config.epochs // REPORTS) == 0:
+            history.append(float(np.mean(losses)))
+            losses = []
+            on_epoch(step, config.epochs, history[-1])
+    return _exported(model, config, segments, scale, history), history
+
+
+def _weight(error: torch.Tensor, C: torch.Tensor) -> torch.Tensor:
+    """Return one over the mean square of errors (n, H, 6) one step ahead, of channels that C reads:
+    of all that turn into one another together.
+    """
+    square = (error[:, 0] ** 2).mean(dim=0)
+    lateral = [square[:2].mean(), square[3:5].mean()]
+    shared = torch.stack([lateral[0], lateral[0], square[2], lateral[1], lateral[1], square[5]])
+    return torch.where(C.any(dim=1), 1.0 / shared.clamp_min(1e-12), 0.0)
+
+
+def _exported(
+    model: NeuralWindow,
+    config: NeuralWindowConfig,
+    segments: list[Segment],
+    scale: np.ndarray,
+    history: list[float],
+) -> LiftedModel:
+    """Return the model in physical units."""
+    with torch.no_grad():
+        A, B, C = (matrix.numpy() for matrix in model.system())
+        weights = tuple(W.numpy() for W in model.weights())
+        E = model.encoder().numpy() / np.tile(scale, len(config.taps.matrix))
+    step = float(np.median([segment.step for segment in segments]))
+    system = LiftedLinearSystem(A, B / scale[6:], C * scale[:6, None], step)
+    encoder = Encoder(config.taps.expand(E, 12), weights, images=model.images.numpy())
+    summary = {"samples": sum(map(len, segments)), "loss": history[-1] if history else None}
+    return LiftedModel(
+        NEURAL_WINDOW,
+        system,
+        encoder,
+        scale[6:],
+        summary,
+        refit=config.refit,
+        ridge=config.ridge,
+    )
