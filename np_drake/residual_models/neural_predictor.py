@@ -7,14 +7,13 @@ import numpy as np
 from scipy.linalg import lapack
 
 from np_drake import rigid_body
-from np_drake.checks import require
 from np_drake.lifting.model.lifted_linear_system import (
     RADIUS,
     LiftedLinearSystem,
     advance,
     stabilized,
 )
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel, load_model
+from np_drake.lifting.model.lifted_model import NEURAL_WINDOW, LiftedModel, load_model
 from np_drake.residual_model import Memory, Sample, WrenchForecast
 from np_drake.trained_model import delay_of, label_of, rotor_lag_of
 
@@ -42,11 +41,14 @@ class NeuralPredictor:
     """
 
     def __init__(self, model: LiftedModel):
-        alone = model.configuration == MODE_DICTIONARY
-        self.name = "np" if alone else f"np-{model.configuration}"
+        self.name = "np" if model.configuration == NEURAL_WINDOW else model.configuration
         self.model, self.step = model, model.step
         # What its labels are made with: low-pass, rotor lag and delay of commands [s]
-        self.label, self.rotor_lag, self.delay = label_of(model), rotor_lag_of(model), delay_of(model)
+        self.label, self.rotor_lag, self.delay = (
+            label_of(model),
+            rotor_lag_of(model),
+            delay_of(model),
+        )
         self._blend = 1.0 - np.exp(-2 * np.pi * CUTOFF * model.step)
         self._held = ~model.system.C.any(axis=1)  # channels of chi
         self._refit = WindowRefit(model) if model.refit else None

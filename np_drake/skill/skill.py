@@ -9,7 +9,6 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
-from np_drake.labels import ReadsLabels
 from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.logs.formats.neurobem import TESTS
 from np_drake.payload_filter.model_file import PayloadFilterModel

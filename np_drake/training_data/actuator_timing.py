@@ -41,7 +41,7 @@ def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
 
 
 def delays_sought(step: float) -> list[float]:
-    """Return the delays of commands that a training tries, of a vehicle sampled every `step` [s]."""
+    """Return the delays of commands that a training tries, at a sampling interval of `step` [s]."""
     return [step * part / FINE for part in range(LONGEST_DELAY * FINE + 1)]
 
 

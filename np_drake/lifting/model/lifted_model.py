@@ -25,7 +25,9 @@ class LiftedModel:
     trust: correction of z in flight by the outcome of earlier forecasts; None for none.
     """
 
-    configuration: str  # of `CONFIGURATIONS`; a label only, as all that flies is in the other fields
+    configuration: (
+        str  # of `CONFIGURATIONS`; a label only, as all that flies is in the other fields
+    )
     system: LiftedLinearSystem  # offline lifted linear system at the training step
     encoder: Encoder
     zeta_scale: np.ndarray = dc.field(default_factory=lambda: np.ones(6))  # in a refit [m/s, rad/s]

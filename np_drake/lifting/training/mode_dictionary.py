@@ -24,12 +24,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.lifting.model.lifted_linear_system import (
-    Encoder,
-    LiftedLinearSystem,
-    Taps,
-    Trust,
-)
+from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Taps, Trust
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation, turns
@@ -442,10 +437,4 @@ def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> Li
         np.mean([segment.goal.mean(axis=0) for segment in segments], axis=0),
         half=config.trust_half,
     )
-    return LiftedModel(
-        MODE_DICTIONARY,
-        system,
-        Encoder(E, offset=offset),
-        scale[6:],
-        trust=trust,
-    )
+    return LiftedModel(MODE_DICTIONARY, system, Encoder(E, offset=offset), scale[6:], trust=trust)

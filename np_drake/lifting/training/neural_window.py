@@ -13,11 +13,11 @@ Koopman models, W1 and W2 spectrally normalised as in Jin et al. 2025, eq. (sn).
 """
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 import torch
 from numpy.lib.stride_tricks import sliding_window_view
-from torch import nn
 
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Taps
 from np_drake.lifting.model.lifted_model import NEURAL_WINDOW, LiftedModel
@@ -67,82 +67,93 @@ class NeuralWindowConfig:
         return Taps.averaging(self.delay, self.dense, self.averages)
 
 
-class Motion(nn.Module):
+class Motion:
     """Linear system of channels that move together, one for each of `planes`, all of one law.
+
+    It begins as subspace identification finds it.
 
     Args:
         size: lifted states.
-        planes: channels of [chi, zeta] and their signs; the first names the roles.
+        planes: channels of [chi, zeta] and their signs.
+        windows: (n, delay + horizon, 12) of [chi, zeta], scaled.
+        taps: of the encoder.
     """
 
-    def __init__(self, size: int, planes: list[dict[int, float]]):
-        super().__init__()
-        self.size, self.planes = size, []
+    def __init__(
+        self, size: int, planes: Sequence[dict[int, float]], windows: np.ndarray, taps: Taps
+    ):
+        self._size, self._planes = size, []  # selections (12, c) of each plane
         for plane in planes:
             selection = np.zeros((12, len(plane)))
             for column, (channel, sign) in enumerate(plane.items()):
                 selection[channel, column] = sign
-            self.planes.append(selection)
-        self.forces = sum(channel < 6 for channel in planes[0])
-
-    def fit(self, windows: np.ndarray, taps: Taps) -> None:
-        """Set E, A, B, C by subspace identification on windows (n, delay + horizon, 12), scaled."""
-        moved = np.concatenate([windows @ selection for selection in self.planes])
+            self._planes.append(selection)
+        self._forces = forces = sum(channel < 6 for channel in planes[0])
+        moved = np.concatenate([windows @ selection for selection in self._planes])
         n, now = len(moved), taps.delay - 1
         past, later = (self._features(moved[:, s : s + now + 1], taps) for s in (0, 1))
-        drive, future = moved[:, now:-1, self.forces :], moved[:, now + 1 :, : self.forces]
-        E = foreseeing(past, drive.reshape(n, -1), future.reshape(n, -1), self.size)
+        drive, future = moved[:, now:-1, forces:], moved[:, now + 1 :, :forces]
+        E = foreseeing(past, drive.reshape(n, -1), future.reshape(n, -1), size)
         rows = np.hstack([past @ E.T, drive[:, 0]]), np.hstack([later @ E.T, future[:, 0]])
         X, after = (torch.from_numpy(array) for array in rows)
-        law = global_fit(X, after[:, : self.size])
-        A, B = stable(law[: self.size]).T, law[self.size :].T
-        C = global_fit(X[:, : self.size] @ A.T + X[:, self.size :] @ B.T, after[:, self.size :]).T
-        self.E, self.A, self.B = nn.Parameter(torch.from_numpy(E)), nn.Parameter(A), nn.Parameter(B)
-        self.C = nn.Parameter(C)
+        law = global_fit(X, after[:, :size])
+        A, B = stable(law[:size]).T, law[size:].T
+        C = global_fit(X[:, :size] @ A.T + X[:, size:] @ B.T, after[:, size:]).T
+        self.parameters = [torch.from_numpy(E), A, B, C]
 
     def _features(self, moved: np.ndarray, taps: Taps) -> np.ndarray:
         return np.einsum("td,ndc->ntc", taps.matrix, moved).reshape(len(moved), -1)
 
     def encoder(self) -> torch.Tensor:
         """Return E on the features of all channels, (planes * size, taps * 12)."""
-        c = self.planes[0].shape[1]
-        E = self.E.reshape(self.size, -1, c)
-        rows = [(E @ torch.from_numpy(s.T)).reshape(self.size, -1) for s in self.planes]
+        E = self.parameters[0].reshape(self._size, -1, self._planes[0].shape[1])
+        rows = [(E @ torch.from_numpy(s.T)).reshape(self._size, -1) for s in self._planes]
         return torch.cat(rows)
 
     def system(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Return A (K, K), B (K, 6) and C (6, K) of all planes, K = planes * size."""
-        chi = [torch.from_numpy(s[:6, : self.forces]) for s in self.planes]
-        zeta = [torch.from_numpy(s[6:, self.forces :]) for s in self.planes]
-        A = torch.block_diag(*[stable(self.A)] * len(self.planes))
-        B = torch.cat([self.B @ s.T for s in zeta])
-        return A, B, torch.cat([s @ self.C for s in chi], dim=1)
+        _, A, B, C = self.parameters
+        chi = [torch.from_numpy(s[:6, : self._forces]) for s in self._planes]
+        zeta = [torch.from_numpy(s[6:, self._forces :]) for s in self._planes]
+        blocks = [stable(A)] * len(self._planes)
+        return (
+            torch.block_diag(*blocks),
+            torch.cat([B @ s.T for s in zeta]),
+            torch.cat([s @ C for s in chi], dim=1),
+        )
 
 
-class NeuralWindow(nn.Module):
-    """Encoder and lifted linear system, all with gradients, in scaled coordinates."""
+class NeuralWindow:
+    """Encoder and lifted linear system, all with gradients, in scaled coordinates.
+
+    Args:
+        windows: (n, delay + horizon, 12) of [chi, zeta], scaled, to begin from.
+    """
 
     def __init__(self, config: NeuralWindowConfig, windows: np.ndarray):
-        super().__init__()
-        groups = ((config.sway, [X, Y]), (config.heave, [Z]), (config.yaw, [YAW]))
-        self.motions = nn.ModuleList(Motion(size, planes) for size, planes in groups if size)
-        for motion in self.motions:
-            motion.fit(windows, config.taps)
+        groups = ((config.sway, (X, Y)), (config.heave, (Z,)), (config.yaw, (YAW,)))
+        self._motions = [
+            Motion(size, planes, windows, config.taps) for size, planes in groups if size
+        ]
         self.images = torch.from_numpy(_images(config))
         K, generator = self.images.shape[1], torch.Generator().manual_seed(config.seed)
         sizes = ((config.width, K), (config.width, config.width))
-        self.hidden = nn.ParameterList(
+        self._hidden = [
             torch.randn(*size, generator=generator, dtype=torch.float64) for size in sizes
-        )
-        self.last = nn.Parameter(torch.zeros(K, config.width, dtype=torch.float64))
+        ]
+        self._last = torch.zeros(K, config.width, dtype=torch.float64)
+        self.parameters = [*self._hidden, self._last]
+        self.parameters += [value for motion in self._motions for value in motion.parameters]
+        for value in self.parameters:
+            value.requires_grad_()
 
     def weights(self) -> list[torch.Tensor]:
         """Return the layers, the hidden ones of largest singular value 1."""
-        return [*(normalised(W, 1.0) for W in self.hidden), self.last]
+        return [*(normalised(W, 1.0) for W in self._hidden), self._last]
 
     def encoder(self) -> torch.Tensor:
         """Return E (K, taps * 12)."""
-        return torch.cat([motion.encoder() for motion in self.motions])
+        return torch.cat([motion.encoder() for motion in self._motions])
 
     def lift(self, features: torch.Tensor) -> torch.Tensor:
         """Return z (n, K) of features (n, taps * 12)."""
@@ -152,7 +163,7 @@ class NeuralWindow(nn.Module):
 
     def system(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Return A (K, K), B (K, 6) and C (6, K)."""
-        A, B, C = zip(*(motion.system() for motion in self.motions), strict=True)
+        A, B, C = zip(*(motion.system() for motion in self._motions), strict=True)
         return torch.block_diag(*A), torch.cat(B), torch.cat(C, dim=1)
 
     def forecast(self, features: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
@@ -201,16 +212,18 @@ def train_neural_window(
 
     generator = np.random.default_rng(config.seed)
     model = NeuralWindow(config, at(generator.permutation(places)[:FITTED]))
-    optimiser = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
+    optimiser = torch.optim.Adam(model.parameters, lr=config.learning_rate)
     steps = max(config.epochs, 1)
     rate = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, config.learning_rate / 10)
     taps, now = config.taps, config.delay - 1
-    weight, losses, history = None, list[float](), list[float]()
+    weight: torch.Tensor | None = None
+    losses, history = list[float](), list[float]()
     for step in range(1, config.epochs + 1):
         batch = at(places[generator.integers(len(places), size=config.batch)])
-        features = np.einsum("td,ndc->ntc", taps.matrix, batch[:, : config.delay])
-        features, batch = torch.from_numpy(features.reshape(len(batch), -1)), torch.from_numpy(batch)
-        error = model.forecast(features, batch[:, now:-1, 6:]) - batch[:, now + 1 :, :6]
+        sampled = np.einsum("td,ndc->ntc", taps.matrix, batch[:, : config.delay])
+        features = torch.from_numpy(sampled.reshape(len(batch), -1))
+        course = torch.from_numpy(batch)
+        error = model.forecast(features, course[:, now:-1, 6:]) - course[:, now + 1 :, :6]
         if weight is None:
             weight = _weight(error.detach(), model.system()[2].detach())
         loss = (error**2 * weight).mean()
@@ -251,11 +264,5 @@ def _exported(
     encoder = Encoder(config.taps.expand(E, 12), weights, images=model.images.numpy())
     summary = {"samples": sum(map(len, segments)), "loss": history[-1] if history else None}
     return LiftedModel(
-        NEURAL_WINDOW,
-        system,
-        encoder,
-        scale[6:],
-        summary,
-        refit=config.refit,
-        ridge=config.ridge,
+        NEURAL_WINDOW, system, encoder, scale[6:], summary, refit=config.refit, ridge=config.ridge
     )

@@ -133,9 +133,7 @@ def _initial_weights(
     return weights
 
 
-def foreseeing(
-    past: np.ndarray, drive: np.ndarray, future: np.ndarray, count: int
-) -> np.ndarray:
+def foreseeing(past: np.ndarray, drive: np.ndarray, future: np.ndarray, count: int) -> np.ndarray:
     """Return directions of the past that foresee most of the future at known drive, (count, p), of
     unit variance, strongest first.
 
@@ -416,6 +414,6 @@ def _start(lagged: list[np.ndarray], count: int) -> np.ndarray:
     """
     past, now = np.concatenate([one[:, 0] for one in lagged], axis=-1), lagged[0]
     drive, future = now[:, :-1, 6:], now[:, 1:, :6]
-    rows = [array.reshape(len(now), -1) for array in (past, drive, future)]
-    found = foreseeing(*rows, count)
+    n = len(now)
+    found = foreseeing(past, drive.reshape(n, -1), future.reshape(n, -1), count)
     return np.linalg.qr(found.T)[0].T

@@ -20,6 +20,14 @@ CONFIGURATIONS: dict[str, Config] = {
     NEURAL_WINDOW: NeuralWindowConfig(),
     MODE_DICTIONARY: ModeDictionaryConfig(),
 }
+# Settings for arrays of real flights, sampled every 2.5 ms: window and taps of `mode-dictionary`
+IN_BODY_AXES: dict[str, dict[str, Any]] = {
+    PAPER: {"symmetric": False},
+    NEURAL_WINDOW: {
+        **{"delay": 87, "dense": 12, "averages": 11},
+        **{"horizon": 100, "yaw": 4, "refit": 0},
+    },
+}
 
 
 @dc.dataclass(frozen=True)
@@ -64,8 +72,8 @@ def make_config(
         f"train: {MODE_DICTIONARY} needs wrenches in body axes; these are in {frame} axes.",
     )
     names = {field.name for field in dc.fields(CONFIGURATIONS.get(configuration, DEFAULT_CONFIG))}
-    if frame != "world" and "symmetric" in names:
-        settings = {"symmetric": False} | settings
+    if frame != "world":
+        settings = IN_BODY_AXES.get(configuration, {}) | settings
     if epochs is not None and "epochs" in names:
         settings["epochs"] = epochs
     return configured(CONFIGURATIONS, configuration, settings)

@@ -7,7 +7,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.lifted_linear_system import DelayTaps
+from np_drake.lifting.model.lifted_linear_system import Taps
 from np_drake.lifting.training.excitation import turns
 from np_drake.lifting.training.mode_dictionary import (
     ModeDictionaryConfig,
@@ -78,7 +78,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def dut(model):
-    return NeuralPredictor(model, torque="predict")
+    return NeuralPredictor(model)
 
 
 def test_it_is_stable_whatever_the_data_say(model):
@@ -125,7 +125,7 @@ def test_missing_samples_leave_a_forecast_and_a_long_gap_ends_evidence(dut):
     assert np.abs(chi_hat[0] - unseen.chi[-1]).max() < 0.1  # [N]
 
 
-TAPS, AHEAD = DelayTaps(4, 4, 0), np.array([0, 1, 3, 9])
+TAPS, AHEAD = Taps.averaging(4, 4, 0), np.array([0, 1, 3, 9])
 
 
 def oscillation(seed: int) -> np.ndarray:
