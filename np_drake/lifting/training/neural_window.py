@@ -177,20 +177,14 @@ class NeuralWindow:
 
 
 def _images(config: NeuralWindowConfig) -> np.ndarray:
-    """Return what the eight turns and mirrors do to rows z, (8, K, K)."""
-    found = []
-    for turn in turns(np.eye(6)):
-        force, yaw = turn[:3, :3], turn[5, 5]
-        blocks = [np.kron(force[:2, :2], np.eye(config.sway)), np.eye(config.heave)]
-        blocks.append(yaw * np.eye(config.yaw))
-        K = sum(map(len, blocks))
-        image, start = np.zeros((K, K)), 0
-        for block in blocks:
-            end = start + len(block)
-            image[start:end, start:end] = block
-            start = end
-        found.append(image)
-    return np.array(found)
+    """Return what the eight turns and mirrors do to rows z, (8, K, K): a state turns into the same
+    one of another plane as the force, or torque about z, of its plane does.
+    """
+    sizes = (config.sway, config.sway, config.heave, config.yaw)
+    channel = np.repeat([0, 1, 2, 5], sizes)
+    place = np.concatenate([np.arange(size) for size in sizes])
+    turned = np.array(turns(np.eye(6)))[:, channel][:, :, channel]
+    return turned * (place[:, None] == place)
 
 
 def train_neural_window(
