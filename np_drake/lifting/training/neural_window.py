@@ -22,7 +22,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Taps
 from np_drake.lifting.model.lifted_model import NEURAL_WINDOW, LiftedModel
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.excitation import turns
+from np_drake.lifting.training.excitation import measure_excitation, turns
 from np_drake.lifting.training.paper_training import (
     descend_once,
     foreseeing,
@@ -56,7 +56,8 @@ class NeuralWindowConfig:
     horizon: int = 40  # longest forecast that is trained on [steps]
     refit: int = 40  # samples that A and B are fitted to in flight [1]
     ridge: float = 3000.0  # of the offline A and B in that fit [samples of unit size]
-    epochs: int = 300  # gradient steps [1]
+    # gradient steps [1]; own choice: more learn a minute of flight by heart, noise and all
+    epochs: int = 300
     batch: int = 128  # forecasts of a step [1]
     learning_rate: float = 5e-4  # of Adam, falling to a tenth along a cosine [1]
     seed: int = 0  # of the initial weights and the forecasts of each step
@@ -256,7 +257,11 @@ def _exported(
     step = float(np.median([segment.step for segment in segments]))
     system = LiftedLinearSystem(A, B / scale[6:], C * scale[:6, None], step)
     encoder = Encoder(config.taps.expand(E, 12), weights, images=model.images.numpy())
-    summary = {"samples": sum(map(len, segments)), "loss": history[-1] if history else None}
+    summary = {
+        "samples": sum(map(len, segments)),
+        "loss": history[-1] if history else None,
+        "excitation": measure_excitation([s.zeta for s in segments], step=step).text,
+    }
     return LiftedModel(
         NEURAL_WINDOW, system, encoder, scale[6:], summary, refit=config.refit, ridge=config.ridge
     )

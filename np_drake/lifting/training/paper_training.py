@@ -147,7 +147,7 @@ def foreseeing(past: np.ndarray, drive: np.ndarray, future: np.ndarray, count: i
     """
     X, p = np.hstack([past, drive]), past.shape[1]
     normal = X.T @ X / len(X)
-    normal += NULL * np.diag(np.diag(normal)) + 1e-12 * np.eye(len(normal))
+    normal += NULL * np.diag(np.diag(normal)) + FLOOR * np.eye(len(normal))
     W = np.linalg.solve(normal, X.T @ future / len(X))[:p]
     L = np.linalg.cholesky(normal[:p, :p])
     U = np.linalg.svd(L.T @ W, full_matrices=False)[0][:, :count]
@@ -155,6 +155,7 @@ def foreseeing(past: np.ndarray, drive: np.ndarray, future: np.ndarray, count: i
 
 
 NULL = 1e-4  # of the mean power, added to that of every direction: Phi may have null directions [1]
+FLOOR = 1e-6  # power of a direction that counts as still, of scaled samples [1]
 
 
 def regression(

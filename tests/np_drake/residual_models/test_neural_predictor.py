@@ -96,12 +96,20 @@ def test_a_long_gap_starts_the_window_afresh():
     np.testing.assert_array_equal(held, before["lowpass"])
 
 
-BOTH = pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=["delay", PAPER])
+def window_model() -> LiftedModel:
+    """z = chi + relu(chi) of the last of D samples, averaged over a mirror of all channels."""
+    images = np.array([np.eye(6), -np.eye(6)])
+    encoder = dc.replace(last_sample_model().encoder, weights=(np.eye(6),) * 2, images=images)
+    return dc.replace(paper_model(), encoder=encoder)
+
+
+MODELS = {"delay": last_sample_model(), PAPER: paper_model(), "window": window_model()}
+EVERY = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 
 
 @given(st.lists(st.sampled_from(["good", "label", "state", "both", "huge"]), max_size=60))
 @settings(max_examples=20)
-@BOTH
+@EVERY
 def test_no_samples_make_the_forecast_unusable_or_change_a_memory(model, course):
     dut = NeuralPredictor(model)
     memory = dut.initial_memory()
