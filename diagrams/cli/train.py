@@ -32,7 +32,12 @@ from diagrams.studies.options import tabulate
 from np_drake.files.figure_file import new_figure, save
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, load_model, save_model
+from np_drake.lifting.model.lifted_model import (
+    CONFIGURATIONS,
+    MODE_DICTIONARY,
+    load_model,
+    save_model,
+)
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
 from np_drake.payload_filter.model_file import (
@@ -83,8 +88,8 @@ def train(
         str | None,
         Option(
             metavar="NAME",
-            help="learned | paper | mode-dictionary (body axes), of np; payload_filter; gp | "
-            "knode. Default: learned for logs, mode-dictionary for arrays.",
+            help="learned | paper | neural-window | mode-dictionary (body axes), of np; "
+            "payload_filter; gp | knode. Default: learned for logs, mode-dictionary for arrays.",
         ),
     ] = None,
     epochs: Epochs = None,
@@ -105,7 +110,7 @@ def train(
     require(out.suffix == ".safetensors", f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
     require_outputs(out, curve, *([run.json] if run.json else []))
-    known = (LEARNED_BANK, PAPER, MODE_DICTIONARY, PAYLOAD_FILTER, *REACTIONS)
+    known = (LEARNED_BANK, *CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)
     require(
         configuration in (None, *known),
         f"--configuration: must be one of {', '.join(known)}; got {configuration}.",
