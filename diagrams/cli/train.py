@@ -48,7 +48,7 @@ from np_drake.payload_filter.model_file import (
 )
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
 from np_drake.residual_models.motion_model import KNODE, REACTIONS
-from np_drake.skill.skill import Model, diverged, flight_stability, label_distances, score_flights
+from np_drake.skill.skill import Model, diverged, flight_stability, score_flights
 from np_drake.trained_model import rotor_lag_of, schema_of
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.segments import Flight, WrenchSequence, require_motion, require_torque
@@ -338,23 +338,17 @@ def evaluate(
     for zeta in MOTIONS:
         with run.counting(f"scoring, coming motion {zeta}") as on_flight:
             rows += score_flights(model, tests, steps, zeta=zeta, on_flight=on_flight)
-    windows, distances = flight_stability(model, tests), label_distances(model, tests)
+    windows = flight_stability(model, tests)
     said = tabulate(
         "stability of the forecasts; spectral radius above 1: unstable",
         windows,
         [(key, key) for key in ("model", "flight", "windows", "unstable", "largest")],
     )
-    unfiltered = [
-        f"{line['model']} forecasts without low-pass; such labels of {line['flight']} are "
-        f"{number(line['force'])} N and {number(line['torque'])} N·m from the target"
-        for line in distances
-    ]
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
         [*(t for zeta in MOTIONS for t in tables(rows, zeta)), said],
         config={"configuration": model.configuration, "horizons": steps, "step": model.step},
-        metrics={"rows": rows, "stability": windows, "label_distances": distances},
-        notes=unfiltered,
+        metrics={"rows": rows, "stability": windows},
         warnings=noted(read_from(tests)),
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
         if lost

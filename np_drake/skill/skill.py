@@ -287,24 +287,6 @@ def _longest_flown(flight: Flight, predictor: Predictor) -> tuple[Segment, Sampl
     return max(pieces, key=lambda piece: len(piece[0]))
 
 
-def label_distances(model: Model, flights: Sequence[Flight]) -> list[dict[str, Any]]:
-    """Return how far labels without low-pass lie from the targets, force [N] and torque [N·m], RMS
-    by flight; nothing of a model that forecasts labels with one.
-
-    What a low-pass takes from the target counts as the error of labels that have one.
-    """
-    if isinstance(model, LiftedModel):
-        return []
-    unlagged, lines = PayloadFilter(dc.replace(model, rotor_lag=0.0)), []
-    for flight in flights:
-        segment, seen = _longest_flown(flight, unlagged)
-        square = np.nanmean((seen.chi - segment.goal) ** 2, axis=0)
-        force, torque = np.sqrt([square[:3].sum(), square[3:].sum()]).tolist()
-        named = {"flight": flight_name(flight), "model": model.configuration}
-        lines.append({**named, "force": force, "torque": torque})
-    return lines
-
-
 def _longest_piece(flight: Flight, step: float) -> Segment:
     """Return the longest uninterrupted piece of a flight, at a model's step [s].
 
