@@ -64,7 +64,7 @@ def test_the_forecast_is_the_law_of_the_data():
     np.testing.assert_allclose(forecast.rollout(zeta), truth, atol=1e-12)
 
 
-def test_until_the_window_is_full_and_of_what_is_not_read_the_low_pass_is_held():
+def test_what_is_not_lifted_yet_or_not_read_is_held():
     model, samples = last_sample_model(), sequence(30)
     C = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     dut = NeuralPredictor(dc.replace(model, system=dc.replace(model.system, C=C)))

@@ -40,9 +40,7 @@ def test_forecasts_turn_with_the_flight(model, lemniscate):
             np.testing.assert_allclose(turn @ markov @ turn.T, markov, atol=1e-9)
 
 
-def test_half_a_second_ahead_the_network_foresees_more_than_its_linear_start(
-    model, dithered, lemniscate
-):
+def test_the_network_foresees_more_than_its_linear_start(model, dithered, lemniscate):
     linear = train([dithered.segment], dc.replace(CONFIG, epochs=0)).model
     assert not np.any(linear.encoder.weights[-1])
     rows = skill_table(
