@@ -22,7 +22,6 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import blas, lapack
 
 from np_drake.checks import require
@@ -289,16 +288,9 @@ class Taps:
         """Samples of the window."""
         return self.matrix.shape[1]
 
-    def features(self, samples: np.ndarray, origins: np.ndarray) -> np.ndarray:
-        """Return the features of samples (n, c) at every origin, (o, taps * c).
-
-        Args:
-            samples: (n, c), oldest first.
-            origins: (o,) sample indices, each at least delay - 1.
-        """
-        # (o, c, delay)
-        windows = sliding_window_view(samples, self.delay, axis=0)[origins - self.delay + 1]
-        return (windows @ self.matrix.T).transpose(0, 2, 1).reshape(len(origins), -1)
+    def features(self, windows: np.ndarray) -> np.ndarray:
+        """Return the features of windows (n, delay, c), oldest sample first, (n, taps * c)."""
+        return (self.matrix @ windows).reshape(len(windows), -1)
 
     def expand(self, W: np.ndarray, channels: int) -> np.ndarray:
         """Convert weights of features to weights of the window, oldest sample first, (K, delay *

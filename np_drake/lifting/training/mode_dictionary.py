@@ -19,6 +19,7 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Taps, Trust
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
@@ -68,7 +69,8 @@ def flight_moments(
     """
     first, last = taps.delay - 1, len(samples) - int(horizons[-1])
     origins = np.arange(first, last, max(1, -(-(last - first) // max_origins)))
-    F = np.hstack([taps.features(samples, origins), np.ones((len(origins), 1))])
+    windows = sliding_window_view(samples, taps.delay, axis=0)[origins - taps.delay + 1]
+    F = np.hstack([taps.features(windows.transpose(0, 2, 1)), np.ones((len(origins), 1))])
     Y = goal[origins[:, None] + horizons]
     gram = F.T @ F / len(F)
     cross = (F.T @ Y.reshape(len(F), -1) / len(F)).reshape(-1, len(horizons), 6)

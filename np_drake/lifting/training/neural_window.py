@@ -92,7 +92,7 @@ class Motion:
         self._forces = forces = sum(channel < 6 for channel in planes[0])
         moved = np.concatenate([windows @ selection for selection in self._planes])
         n, now = len(moved), taps.delay - 1
-        past, later = (self._features(moved[:, s : s + now + 1], taps) for s in (0, 1))
+        past, later = (taps.features(moved[:, start : start + now + 1]) for start in (0, 1))
         drive, future = moved[:, now:-1, forces:], moved[:, now + 1 :, :forces]
         E = foreseeing(past, drive.reshape(n, -1), future.reshape(n, -1), size)
         rows = np.hstack([past @ E.T, drive[:, 0]]), np.hstack([later @ E.T, future[:, 0]])
@@ -101,9 +101,6 @@ class Motion:
         A, B = stable(law[:size]).T, law[size:].T
         C = global_fit(X[:, :size] @ A.T + X[:, size:] @ B.T, after[:, size:]).T
         self.parameters = [torch.from_numpy(E), A, B, C]
-
-    def _features(self, moved: np.ndarray, taps: Taps) -> np.ndarray:
-        return np.einsum("td,ndc->ntc", taps.matrix, moved).reshape(len(moved), -1)
 
     def encoder(self) -> torch.Tensor:
         """Return E on the features of all channels, (planes * size, taps * 12)."""
@@ -215,8 +212,7 @@ def train_neural_window(
     losses, history = list[float](), list[float]()
     for step in range(1, config.epochs + 1):
         batch = at(places[generator.integers(len(places), size=config.batch)])
-        sampled = np.einsum("td,ndc->ntc", taps.matrix, batch[:, : config.delay])
-        features = torch.from_numpy(sampled.reshape(len(batch), -1))
+        features = torch.from_numpy(taps.features(batch[:, : config.delay]))
         course = torch.from_numpy(batch)
         error = model.forecast(features, course[:, now:-1, 6:]) - course[:, now + 1 :, :6]
         if weight is None:

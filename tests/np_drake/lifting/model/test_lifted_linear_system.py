@@ -73,16 +73,15 @@ def test_taps_are_the_newest_samples_and_averages_of_all_older_ones():
 
 def test_features_and_expanded_weights_see_the_same_samples():
     generator = np.random.default_rng(0)
-    samples, W = generator.standard_normal((60, 12)), generator.standard_normal((3, 9 * 12))
-    origins = np.array([29, 40, 59])
-    windows = np.stack([samples[k - 29 : k + 1].ravel() for k in origins])
-    expected = windows @ TAPS.expand(W, 12).T
-    np.testing.assert_allclose(TAPS.features(samples, origins) @ W.T, expected, atol=1e-12)
+    windows, W = generator.standard_normal((5, 30, 12)), generator.standard_normal((3, 9 * 12))
+    expected = windows.reshape(5, -1) @ TAPS.expand(W, 12).T
+    np.testing.assert_allclose(TAPS.features(windows) @ W.T, expected, atol=1e-12)
 
 
 def test_samples_at_lags_are_those_samples():
     samples = np.random.default_rng(0).standard_normal((40, 12))
-    found = Taps.at_lags((0, 3, 8)).features(samples, np.array([20, 39]))
+    windows = np.stack([samples[k - 8 : k + 1] for k in (20, 39)])
+    found = Taps.at_lags((0, 3, 8)).features(windows)
     np.testing.assert_array_equal(found, [samples[[k, k - 3, k - 8]].ravel() for k in (20, 39)])
 
 

@@ -131,7 +131,8 @@ def test_relative_error_is_that_of_the_forecasts():
     x = oscillation(2)
     dut, W = moments(x), horizon_ridge([moments(x)], noise=1e-3)
     origins = np.arange(3, 600 - 9)
-    F = np.hstack([TAPS.features(x, origins), np.ones((len(origins), 1))])
+    windows = np.stack([x[k - 3 : k + 1] for k in origins])
+    F = np.hstack([TAPS.features(windows), np.ones((len(origins), 1))])
     error = np.einsum("op,phc->ohc", F, W) - x[origins[:, None] + AHEAD, :6]
     force = (error[..., :3] ** 2).sum(axis=2).mean(axis=0) / dut.power[:, 0]
     np.testing.assert_allclose(relative_error(dut, W)[:, 0], force, rtol=1e-9, atol=1e-12)
