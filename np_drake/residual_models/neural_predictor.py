@@ -27,8 +27,8 @@ class NeuralPredictor:
     the zeta since.
 
     Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) change
-    in flight, these, and rows (refit, K + 6), the samples as the refit reads them, zero before the
-    first window was full, so that every sample is lifted once; lowpass (6,) of the labels; count of
+    in flight, these, and rows (refit, K + 6), what the refit reads of each sample, lifted once,
+    zero before the first window was full; lowpass (6,) of the labels; count of
     samples in the window, up to W; labels, dropped: samples with and without one so far; gap:
     dropped in a row just now; where the model has a `trust`, its memory, as trust/…. Until the
     window is full the forecast holds `lowpass`, and afterwards that of channels that C does not
@@ -43,12 +43,10 @@ class NeuralPredictor:
     def __init__(self, model: LiftedModel):
         self.name = "np" if model.configuration == NEURAL_WINDOW else model.configuration
         self.model, self.step = model, model.step
-        # What its labels are made with: low-pass, rotor lag and delay of commands [s]
-        self.label, self.rotor_lag, self.delay = (
-            label_of(model),
-            rotor_lag_of(model),
-            delay_of(model),
-        )
+        # What its labels are made with
+        self.label = label_of(model)
+        self.rotor_lag = rotor_lag_of(model)  # [s]
+        self.delay = delay_of(model)  # of commands [s]
         self._blend = 1.0 - np.exp(-2 * np.pi * CUTOFF * model.step)
         self._held = ~model.system.C.any(axis=1)  # channels of chi
         self._refit = WindowRefit(model) if model.refit else None
