@@ -82,6 +82,9 @@ class LabelConfig:
         return scipy.signal.butter(self.order, bandwidth / nyquist, output="sos")
 
 
+RAW = LabelConfig(np.inf, np.inf)  # for what filters by itself and wants white noise
+
+
 @runtime_checkable
 class ReadsLabels(Protocol):
     """A residual model that needs labels of its own low-pass."""

@@ -50,6 +50,18 @@ def rotor_lag_of(model: Trained) -> float:
     return float(model.summary.get("rotor_lag", 0.0))
 
 
+def label_of(model: Trained) -> LabelConfig:
+    """Return the low-pass of the labels that the model was trained on; the default where it is
+    unknown.
+    """
+    return LabelConfig(**model.summary.get("origin", {}).get("label", {}))
+
+
+def delay_of(model: Trained) -> float | None:
+    """Return the delay of commands that the training found [s]; None where it sought none."""
+    return model.summary.get("command_delay")
+
+
 def require_origin(model: Trained, origin: dict[str, Any]) -> None:
     """Check that the model was trained on labels like those that it will be fed.
 
@@ -88,6 +100,9 @@ def summary_in(header: dict[str, Any]) -> dict[str, Any]:
         isinstance(lag, int | float) and 0 <= lag < 10,
         f"summary.rotor_lag must be 0 to 10 s; got {lag!r}.",
     )
+    LabelConfig(**origin.get("label", {})).check()
+    if "command_delay" in summary:
+        number_in(summary, "command_delay", 0.0, STEPS[1])
     return summary
 
 

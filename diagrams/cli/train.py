@@ -32,13 +32,18 @@ from diagrams.studies.options import tabulate
 from np_drake.files.figure_file import new_figure, save
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import ENCODERS, MODE_DICTIONARY, load_model, save_model
+from np_drake.lifting.model.lifted_model import (
+    CONFIGURATIONS,
+    MODE_DICTIONARY,
+    load_model,
+    save_model,
+)
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMA, PayloadFilterModel
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
 from np_drake.residual_models.motion_model import KNODE, REACTIONS
-from np_drake.skill.skill import Model, diverged, flight_stability, label_distances, score_flights
+from np_drake.skill.skill import Model, diverged, flight_stability, score_flights
 from np_drake.trained_model import rotor_lag_of, schema_of
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.segments import Flight, WrenchSequence, require_motion, require_torque
@@ -78,7 +83,7 @@ def train(
         str | None,
         Option(
             metavar="NAME",
-            help=f"{' | '.join(ENCODERS)}, of np; payload_filter; gp | knode. Default: "
+            help=f"{' | '.join(CONFIGURATIONS)}, of np; payload_filter; gp | knode. Default: "
             f"{PAYLOAD_FILTER} for logs, {MODE_DICTIONARY} for arrays.",
         ),
     ] = None,
@@ -100,7 +105,7 @@ def train(
     require(out.suffix == ".safetensors", f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
     require_outputs(out, curve, *([run.json] if run.json else []))
-    known = (PAYLOAD_FILTER, *ENCODERS, *REACTIONS)
+    known = (PAYLOAD_FILTER, *CONFIGURATIONS, *REACTIONS)
     require(
         configuration in (None, *known),
         f"--configuration: must be one of {', '.join(known)}; got {configuration}.",
@@ -327,23 +332,17 @@ def evaluate(
     for zeta in MOTIONS:
         with run.counting(f"scoring, coming motion {zeta}") as on_flight:
             rows += score_flights(model, tests, steps, zeta=zeta, on_flight=on_flight)
-    windows, distances = flight_stability(model, tests), label_distances(model, tests)
+    windows = flight_stability(model, tests)
     said = tabulate(
         "stability of the forecasts; spectral radius above 1: unstable",
         windows,
         [(key, key) for key in ("model", "flight", "windows", "unstable", "largest")],
     )
-    unfiltered = [
-        f"{line['model']} forecasts without low-pass; such labels of {line['flight']} are "
-        f"{number(line['force'])} N and {number(line['torque'])} N·m from the target"
-        for line in distances
-    ]
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
         [*(t for zeta in MOTIONS for t in tables(rows, zeta)), said],
         config={"configuration": model.configuration, "horizons": steps, "step": model.step},
-        metrics={"rows": rows, "stability": windows, "label_distances": distances},
-        notes=unfiltered,
+        metrics={"rows": rows, "stability": windows},
         warnings=noted(read_from(tests)),
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
         if lost

@@ -96,7 +96,7 @@ def forecasts(model: LiftedModel, flight: Segment, origins: np.ndarray, ahead: i
     """
     least = model.window + 2
     require(len(flight) >= least, f"at least {least} samples are needed; got {len(flight)}.")
-    predictor = NeuralPredictor(model, torque="predict")
+    predictor = NeuralPredictor(model)
     return model_predictions(predictor, flight.chi, flight.zeta, origins, [ahead], zeta_known=False)
 
 

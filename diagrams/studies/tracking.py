@@ -58,7 +58,7 @@ PAPER = {
     "knode": {"circle": (0.0919, 0.1307), "lemniscate": (0.1503, 0.1406)},
     "np": {"circle": (0.0837, 0.0758), "lemniscate": (0.0849, 0.0591)},
 }
-PACKAGED = "paper"  # configuration of the row `np`, and of the packaged model
+PACKAGED = "neural-window"  # configuration of the row `np`, and of the packaged model
 DRAWN = ("nominal", "gp", "knode", "np")  # rows of the figure, the paper's controllers
 ROWS = (
     Row("nominal", "nominal"),

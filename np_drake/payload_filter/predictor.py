@@ -9,7 +9,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.compiled import compiled, finite
-from np_drake.labels import LabelConfig
+from np_drake.labels import RAW
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.actuator_lag import decays_of, initial_lag, next_lag
 from np_drake.payload_filter.bank_options import Prior
@@ -21,7 +21,6 @@ from np_drake.residual_model import Memory, Plan, Sample, WrenchForecast
 from np_drake.rigid_body import Q, W
 from np_drake.rotor_input import lag_shares
 
-RAW = LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf)  # the filter wants white noise
 # over which the noise of labels is averaged [s], as many samples of any vehicle; own choice
 NOISE_TIME = 2.0
 FIRST_NOISE = 0.3  # noise of a force label before any was seen [m/s²]; source: stated prior

@@ -9,7 +9,6 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.checks import require
-from np_drake.command_delay import FINE, LONGEST_DELAY
 from np_drake.flight_log import FlightLog
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.bank_options import BankOptions
@@ -20,7 +19,7 @@ from np_drake.rigid_body import Q, V, W
 from np_drake.rotor_input import with_rotor_lag
 from np_drake.trained_model import origin_of
 from np_drake.training_data.accelerations import with_accelerations
-from np_drake.training_data.actuator_timing import delayed, learned_timing
+from np_drake.training_data.actuator_timing import delayed, delays_sought, learned_timing
 from np_drake.training_data.segments import Flight, picked_flight, require_torque
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios, scales
@@ -64,8 +63,7 @@ def train_payload_filter(
         all(other == vehicle for _, other in logs),
         "payload_filter: all flights must be of one vehicle; give them one --vehicle FILE.",
     )
-    delays = [step * part / FINE for part in range(LONGEST_DELAY * FINE + 1)]
-    lag, delay = learned_timing(logs, delays)
+    lag, delay = learned_timing(logs, delays_sought(step))
     samples = [flight_samples(log, vehicle, lag, step, delay) for log, _ in logs]
     for (log, _), flight in zip(logs, samples, strict=True):
         require(

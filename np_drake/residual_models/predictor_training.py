@@ -12,8 +12,9 @@ import torch
 
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
-from np_drake.labels import LabelConfig, default_labels
+from np_drake.labels import RAW, LabelConfig, default_labels
 from np_drake.lifting.training.excitation import measure_excitation
+from np_drake.lifting.training.neural_window import NeuralWindowConfig
 from np_drake.lifting.training.paper_training import descend_once
 from np_drake.lifting.training.train import Config, TrainingResult, configured, train
 from np_drake.residual_models.motion_model import (
@@ -26,7 +27,8 @@ from np_drake.residual_models.motion_model import (
 )
 from np_drake.rotor_input import acting_command, with_rotor_lag
 from np_drake.trained_model import origin_of, with_origin
-from np_drake.training_data.actuator_timing import learned_rotor_lag
+from np_drake.training_data.accelerations import with_accelerations
+from np_drake.training_data.actuator_timing import delayed, delays_sought, learned_timing
 from np_drake.training_data.segments import Flight, WrenchSequence, finite_runs, group_scale
 from np_drake.vehicle import Vehicle
 
@@ -47,14 +49,22 @@ def train_on_flights(
         on_epoch: as of `train`.
     Raises: ValueError: if the flights are unusable.
     """
-    logs = [(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)]
-    lag = learned_rotor_lag(logs)
-    lagged = [dc.replace(f, vehicle=with_rotor_lag(f.vehicle, lag)) for f in flights]
-    segments = [s for f in lagged for s in f.segments(step, label)]
+    raw = isinstance(config, NeuralWindowConfig)
+    label = RAW if raw else label
+    delays = delays_sought(step) if raw else [0.0]
+    lag, delay = learned_timing(
+        [(with_accelerations(f.data), f.vehicle) for f in flights if isinstance(f.data, FlightLog)],
+        delays,
+    )
+    segments = []
+    for f in flights:
+        data = delayed(f.data, delay) if isinstance(f.data, FlightLog) else f.data
+        segments += Flight(data, with_rotor_lag(f.vehicle, lag)).segments(step, label)
     result = train(segments, config, on_epoch=on_epoch)
     vehicle = flights[0].vehicle
     origin = origin_of(flights[0].frame, vehicle, label or default_labels(vehicle))
-    return dc.replace(result, model=with_origin(result.model, origin, rotor_lag=lag))
+    found = {"rotor_lag": lag, **({"command_delay": delay} if raw else {})}
+    return dc.replace(result, model=with_origin(result.model, origin, **found))
 
 
 @dc.dataclass(frozen=True)

@@ -9,7 +9,6 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
-from np_drake.labels import ReadsLabels
 from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.logs.formats.neurobem import TESTS
 from np_drake.payload_filter.model_file import PayloadFilterModel
@@ -266,7 +265,7 @@ def predictor_of(model: Model) -> Predictor:
     """Return the predictor of a model, which predicts force and torque."""
     if isinstance(model, PayloadFilterModel):
         return PayloadFilter(model)
-    return NeuralPredictor(model, torque="predict")
+    return NeuralPredictor(model)
 
 
 def _longest_flown(flight: Flight, predictor: Predictor) -> tuple[Segment, SampledFlight]:
@@ -274,37 +273,18 @@ def _longest_flown(flight: Flight, predictor: Predictor) -> tuple[Segment, Sampl
 
     Raises: ValueError: if the predictor was trained on other labels, or nothing usable is left.
     """
-    if not isinstance(predictor, ReadsLabels):
-        require_origin(predictor.model, {"frame": flight.frame})
-        piece = _longest_piece(flight, predictor.step)
-        return piece, of_wrenches(piece.chi, piece.zeta, piece.step)
     require_origin(predictor.model, origin_of(flight.frame, flight.vehicle, predictor.label))
     if not isinstance(flight.data, FlightLog):
-        raise ValueError(
+        require(
+            isinstance(predictor, NeuralPredictor),
             f"{flight.data.name}: must be a flight log, with attitude and command, for "
-            f"{predictor.name}; got an array."
+            f"{predictor.name}; got an array.",
         )
+        piece = _longest_piece(flight, predictor.step)
+        return piece, of_wrenches(piece.chi, piece.zeta, piece.step)
     pieces = flown_segments(flight.data, flight.vehicle, predictor, step=predictor.step)
     require(pieces, f"{flight.data.name}: must hold rows without NaN; got none.")
     return max(pieces, key=lambda piece: len(piece[0]))
-
-
-def label_distances(model: Model, flights: Sequence[Flight]) -> list[dict[str, Any]]:
-    """Return how far labels without low-pass lie from the targets, force [N] and torque [N·m], RMS
-    by flight; nothing of a model that forecasts labels with one.
-
-    What a low-pass takes from the target counts as the error of labels that have one.
-    """
-    if isinstance(model, LiftedModel):
-        return []
-    unlagged, lines = PayloadFilter(dc.replace(model, rotor_lag=0.0)), []
-    for flight in flights:
-        segment, seen = _longest_flown(flight, unlagged)
-        square = np.nanmean((seen.chi - segment.goal) ** 2, axis=0)
-        force, torque = np.sqrt([square[:3].sum(), square[3:].sum()]).tolist()
-        named = {"flight": flight_name(flight), "model": model.configuration}
-        lines.append({**named, "force": force, "torque": torque})
-    return lines
 
 
 def _longest_piece(flight: Flight, step: float) -> Segment:

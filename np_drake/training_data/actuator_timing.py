@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
-from np_drake.command_delay import believed_before
+from np_drake.command_delay import FINE, LONGEST_DELAY, believed_before
 from np_drake.flight_log import FlightLog
 from np_drake.labels import raw_labels
 from np_drake.rotor_input import with_rotor_lag
@@ -21,45 +21,37 @@ LONGEST_LAG = 0.1  # lag that is looked for, longer where the time unit of a veh
 AT_BOUND = 0.01
 
 
-def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
-    """Return the rotors' time constant with which the labels of `flights` change least from row to
-    row [s].
-
-    External wrenches change slowly; the error from rotor lag changes with every command. So the
-    steps of the raw label, along the thrust and in roll and pitch, are smallest where the command
-    goes through the lag that the rotors have: the sum of the logarithms of their mean squares, so
-    that units do not matter. Where that falls up to the longest lag, the commands changed too
-    little to tell one. A lag named in a vehicle file is taken as
-    it is, and measured rotor speed has none.      Source: own choice.
-
-    Args: flights: logs with accelerations, and the vehicle of each.
-    """
-    sought = [
-        (log, v) for log, v in flights if log.input == "command" and v.rotor_time_constant == 0
-    ]
-    return _best_lag(sought)[0] if sought else 0.0
+def delays_sought(step: float) -> list[float]:
+    """Return the delays of commands that a training tries, at a sampling interval of `step` [s]."""
+    return [step * part / FINE for part in range(LONGEST_DELAY * FINE + 1)]
 
 
 def learned_timing(
     flights: Sequence[tuple[FlightLog, Vehicle]], delays: Sequence[float]
 ) -> tuple[float, float]:
-    """Return the rotors' time constant and the delay of commands before it with which raw labels
-    change least [s].
+    """Return the rotors' time constant and the delay of commands before it with which the labels of
+    `flights` change least from row to row [s].
 
-    The criterion of `learned_rotor_lag`, as the likelihood of normal steps; a delay other than the
-    first of `delays` has the prior odds of `command_delay.believed_before`.
+    External wrenches change slowly; the error from rotor lag changes with every command. So the
+    steps of the raw label, along the thrust and in roll and pitch, are smallest where the command
+    goes through the lag that the rotors have: the sum of the logarithms of their mean squares, so
+    that units do not matter, as the likelihood of normal steps; a delay other than the first of
+    `delays` has the prior odds of `command_delay.believed_before`. Where the sum falls up to the
+    longest lag, the commands changed too little to tell one. A lag named in a vehicle file is taken
+    as it is, and measured rotor speed has none.      Source: own choice.
 
     Args:
+        flights: logs with accelerations, and the vehicle of each.
         delays: that are tried [s].
     """
     told = [(log, v) for log, v in flights if log.input == "command"]
     if not told:
         return 0.0, float(delays[0])
-    named = all(v.rotor_time_constant > 0 for _, v in told)
+    sought = [(log, v) for log, v in told if v.rotor_time_constant == 0]
     found = []
     for delay in delays:
-        late = [(delayed(log, delay), v) for log, v in told]
-        found.append((0.0, _restlessness(late)) if named else _best_lag(late))
+        late = [(delayed(log, delay), v) for log, v in sought or told]
+        found.append(_best_lag(late) if sought else (0.0, _restlessness(late)))
     rows = sum(len(log) for log, _ in told)
     change = believed_before(len(delays))
     loss = [0.5 * rows * score + change * (i > 0) for i, (_, score) in enumerate(found)]

@@ -391,16 +391,17 @@ def flown_segments(
     log: FlightLog, vehicle: Vehicle, model: object, *, step: float
 ) -> list[tuple[Segment, SampledFlight]]:
     """Return the segments of a log, each beside the same samples as `model` sees them: state,
-    command, own labels.
+    command, own labels. All labels allow for the lag and the delay of commands that its training
+    has shown.
 
     Args:
         step: time between samples [s].
     Raises: ValueError: if the step does not fit the log.
     """
-    log = _usable(log)
+    log = delayed(_usable(log), getattr(model, "delay", None) or 0.0)
+    vehicle = labelled(vehicle, model)
     label = model.label if isinstance(model, ReadsLabels) else None
-    late = getattr(model, "delay", 0.0)  # of commands, as its training has shown [s]
-    seen = picked_flight(delayed(log, late), labelled(vehicle, model), step=step, label=label)
+    seen = picked_flight(log, vehicle, step=step, label=label)
     made = labelled_rows(log, vehicle, None, step=step)
     pieces, runs = _pieces(*made, step), finite_runs(*made)
     return [(piece, seen.rows(*run)) for piece, run in zip(pieces, runs, strict=True)]

@@ -8,8 +8,8 @@ import pytest
 
 from np_drake import rigid_body
 from np_drake.labels import LabelConfig, LabelFilter
-from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
+from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Plan, ReadsPlan, Sample, constant_forecast
 from np_drake.residual_models.hold import Hold
@@ -78,10 +78,10 @@ HOVER = np.tile(LEVEL, (N + 1, 1)), np.tile(VEHICLE.hover_input, (N, 1))
 
 def lifted_predictor():
     """Of the last samples; its model keeps a window of D."""
-    rng, ones = np.random.default_rng(0), np.ones(6)
+    rng = np.random.default_rng(0)
     system = LiftedLinearSystem(0.9 * np.eye(6), 0.1 * np.eye(6), np.eye(6), 0.02)
-    encoder = DelayEncoder(rng.normal(size=(6, 12 * D)), D)
-    return NeuralPredictorModel(LiftedModel(MODE_DICTIONARY, system, encoder, D, ones, ones))
+    encoder = Encoder(rng.normal(size=(6, 12 * D)))
+    return NeuralPredictorModel(LiftedModel(MODE_DICTIONARY, system, encoder))
 
 
 def packaged():
@@ -118,6 +118,36 @@ def test_a_predictor_is_its_model_in_a_context(make):
         for index, name in ((dut.z_index, "z"), (dut.window_index, "window")):
             found = context.get_discrete_state(index).value()
             np.testing.assert_allclose(found, memory[name].ravel(), atol=1e-12)
+
+
+def test_one_step_of_the_context_is_a_step_of_the_lifted_linear_system():
+    """Labels of an exact lifted linear system, through a network, refit in flight."""
+    rng, eye = np.random.default_rng(0), np.eye(6)
+    law = LiftedLinearSystem(np.diag(rng.uniform(0.5, 0.9, 6)), rng.normal(size=(6, 6)), eye, 0.02)
+    E, weights = np.eye(6, 12 * D, 12 * (D - 1)), (np.vstack([eye, -eye]), np.hstack([eye, -eye]))
+    encoder = Encoder(E, weights, skip=False)
+    model = NeuralPredictorModel(LiftedModel(PAPER, law, encoder, refit=8, ridge=1.0))
+    dut, context = on_labels(NeuralPredictor(model, horizon=2, stride=1))
+    chi, before = CHI, np.zeros(6)
+    for k, zeta in enumerate(rng.normal(size=(20, 6))):
+        system = dut.GetOutputPort("lifted_linear_system").Eval(context)
+        chi = law.A @ chi + law.B @ before
+        if k > D:
+            z = context.get_discrete_state(dut.z_index).value()
+            np.testing.assert_allclose(system.A @ z + system.B @ before, chi, atol=1e-12)
+        before = zeta
+        dut.GetInputPort("x").FixValue(context, np.concatenate([LEVEL[:7], zeta]))
+        dut.GetInputPort("label").FixValue(context, chi)
+        event(dut, context)
+    np.testing.assert_allclose(context.get_discrete_state(dut.z_index).value(), chi, atol=1e-12)
+    window = context.get_discrete_state(dut.window_index).value().reshape(D, 12)
+    np.testing.assert_array_equal(window[-1], np.concatenate([chi, zeta]))
+    system = dut.GetOutputPort("lifted_linear_system").Eval(context)
+    memory = dut.memory(context)
+    for name in "AB":
+        np.testing.assert_array_equal(getattr(system, name), memory[name])
+    forecast = model.forecast(memory, horizon=2, stride=1).rollout(np.tile(zeta, (2, 1)))
+    np.testing.assert_allclose(forecast[1], system.A @ chi + system.B @ zeta, atol=1e-12)
 
 
 @pytest.mark.parametrize(

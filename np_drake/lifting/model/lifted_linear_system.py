@@ -1,5 +1,5 @@
 """The lifted linear system z+ = A z + B zeta, chi = C z, its projection onto a spectral radius, its
-encoders, and trust in a linear one's forecast; in numpy, fast enough for every sample of a flight.
+encoder, and trust in its forecast; in numpy, fast enough for every sample of a flight.
 
 Trust in a forecast, learned in flight from earlier forecasts whose outcome is known.
 
@@ -19,9 +19,9 @@ Source: own choice; scalar recalibration of forecasts as in weather prediction (
 
 import dataclasses as dc
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import blas, lapack
 
 from np_drake.checks import require
@@ -160,129 +160,137 @@ def advance(z: np.ndarray, A: np.ndarray, B: np.ndarray, zeta: np.ndarray) -> np
 
 
 @dc.dataclass(frozen=True)
-class Phi:
-    """Multilayer perceptron without bias, z = W^(L+1) relu(W^L … relu(W^1 chi / scale)).
+class Encoder:
+    """Map from a window w of the last D samples of [chi, zeta], oldest first, to z.
 
-    Source: Jin et al. 2025, eq. (dnn).
-    """
+        eta = E w + offset,   z = skip eta + mean over the images T of N(eta T) T'
+        N(eta) = W^(L+1) relu(W^L … relu(W^1 eta))
 
-    weights: tuple[np.ndarray, ...]  # (out, in) matrices
-    scale: np.ndarray  # (6,) of chi [N, N·m]; gamma bounds the Lipschitz constant in chi / scale
+    N is a multilayer perceptron without bias; without layers z is eta. The images are what turns
+    and mirrors do to eta, so that z turns as the samples do.
+    Source: Jin et al. 2025, eq. (dnn), of one sample of chi; window, skip and images are own choices.
+    """  # noqa: E501
+
+    E: np.ndarray  # (F, 12 D) per [N, N·m, m/s, rad/s]
+    weights: tuple[np.ndarray, ...] = ()  # (out, in) matrices
+    offset: np.ndarray | None = None  # (F,), None for zero
+    skip: bool = True
+    images: np.ndarray | None = None  # (G, F, F) orthogonal, None for eta as it is
 
     def __post_init__(self):
-        width = 6
+        F = width = len(self.E)
+        require(
+            self.E.ndim == 2 and self.E.shape[1] % 12 == 0 and self.E.size,
+            f"Encoder: E must be (F, 12 D); got {self.E.shape}.",
+        )
         for W in self.weights:
             require(
                 W.ndim == 2 and W.shape[1] == width,
-                f"each layer of Phi must take the {width} outputs before it; got {W.shape}.",
+                f"Encoder: each layer must take the {width} outputs before it; got {W.shape}.",
             )
             width = len(W)
-        require(self.weights, "lacks the layers of Phi.")
-
-    def tensors(self) -> dict[str, np.ndarray]:
-        """Return the arrays that a model file holds, by name."""
-        return {f"W{i}": W for i, W in enumerate(self.weights)}
-
-    @classmethod
-    def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "Phi":
-        """Return the encoder in the tensors of a model file; ValueError where they hold none."""
-        layers = range(sum(name.startswith("W") for name in tensors))
-        return cls(tuple(tensors[f"W{i}"] for i in layers), tensors["chi_scale"])
-
-    @property
-    def K(self) -> int:
-        """Number of lifted states."""
-        return len(self.weights[-1])
-
-    def __call__(self, chi: np.ndarray) -> np.ndarray:
-        """Return z (..., K) of chi (..., 6) [N, N·m]."""
-        z = chi / self.scale
-        for W in self.weights[:-1]:
-            z = np.maximum(z @ W.T, 0.0)
-        return z @ self.weights[-1].T
-
-
-@dc.dataclass(frozen=True)
-class DelayEncoder:
-    """Linear encoder z = E w + offset of the last D samples w of [chi, zeta], oldest first."""
-
-    E: np.ndarray  # (K, 12 D) per [N, N·m, m/s, rad/s]
-    delay: int  # D, samples of the window [1]
-    offset: np.ndarray | None = None  # (K,), None for zero
-
-    def __post_init__(self):
-        if self.offset is not None and self.offset.shape != (len(self.E),):
-            raise ValueError(
-                f"DelayEncoder: offset must be ({len(self.E)},); got {self.offset.shape}."
-            )
+        alike = self.skip or self.images is not None
         require(
-            self.E.ndim == 2 and self.E.shape[1] == 12 * self.delay,
-            f"DelayEncoder: E must be (K, {12 * self.delay}); got {self.E.shape}.",
+            not alike or width == F,
+            f"Encoder: the last layer must have as many outputs as E, {F}; got {width}.",
+        )
+        require(
+            self.offset is None or self.offset.shape == (F,),
+            f"Encoder: offset must be ({F},), one a row of E.",
+        )
+        require(
+            self.images is None or self.images.shape[1:] == (F, F),
+            f"Encoder: images must be (G, {F}, {F}).",
         )
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Return the arrays that a model file holds, by name."""
-        return {"E": self.E} if self.offset is None else {"E": self.E, "offset": self.offset}
+        arrays = {"E": self.E, "skip": np.array([float(self.skip)])}
+        arrays |= {f"W{i}": W for i, W in enumerate(self.weights)}
+        more = {"offset": self.offset, "images": self.images}
+        return arrays | {name: value for name, value in more.items() if value is not None}
 
     @classmethod
-    def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "DelayEncoder":
+    def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "Encoder":
         """Return the encoder in the tensors of a model file; ValueError where they hold none."""
-        E = tensors["E"]
-        return cls(E, E.shape[1] // 12, tensors.get("offset"))
+        layers = range(sum(name.startswith("W") for name in tensors))
+        weights = tuple(tensors[f"W{i}"] for i in layers)
+        skip = bool(tensors["skip"].item())
+        return cls(tensors["E"], weights, tensors.get("offset"), skip, tensors.get("images"))
+
+    @property
+    def delay(self) -> int:
+        """D, samples of the window."""
+        return self.E.shape[1] // 12
 
     @property
     def K(self) -> int:
         """Number of lifted states."""
-        return len(self.E)
+        return len(self.weights[-1]) if self.weights else len(self.E)
 
     def __call__(self, window: np.ndarray) -> np.ndarray:
         """Return z (..., K) of a window (..., D, 12) [N, N·m, m/s, rad/s]."""
-        z = window.reshape(window.shape[:-2] + (-1,)) @ self.E.T
-        return z if self.offset is None else z + self.offset
+        eta = window.reshape(window.shape[:-2] + (-1,)) @ self.E.T
+        if self.offset is not None:
+            eta = eta + self.offset
+        if not self.weights:
+            return eta
+        if self.images is None:
+            z = self._perceptron(eta)
+        else:
+            turned = self._perceptron(np.tensordot(eta, self.images, axes=(-1, 1)))
+            z = np.tensordot(turned, self.images, axes=([-2, -1], [0, 2])) / len(self.images)
+        return eta + z if self.skip else z
+
+    def _perceptron(self, value: np.ndarray) -> np.ndarray:
+        for W in self.weights[:-1]:
+            value = np.maximum(value @ W.T, 0.0)
+        return value @ self.weights[-1].T
 
 
 @dc.dataclass(frozen=True)
-class DelayTaps:
-    """Selection of the newest samples one by one and of older ones as box averages.
+class Taps:
+    """Features of a window: weighted sums of its samples, the same for all channels."""
 
-    Averages lose little of what lies far back and reduce its noise.
-    """
+    matrix: np.ndarray  # (taps, delay) weights of the samples, oldest first [1]
 
-    delay: int  # samples of the window [1]
-    dense: int  # of them one by one, the newest [1]
-    averages: int  # box averages over the others [1]
+    @classmethod
+    def averaging(cls, delay: int, dense: int, averages: int) -> "Taps":
+        """Return the newest samples one by one, and older ones as box averages.
 
-    def __post_init__(self):
-        require(
-            1 <= self.dense <= self.delay and 0 <= self.averages <= self.delay - self.dense,
-            "DelayTaps: must have 1 <= dense <= delay and 0 <= averages <= delay - dense; "
-            f"got {self.dense}, {self.averages}, {self.delay}.",
-        )
-
-    @property
-    def matrix(self) -> np.ndarray:
-        """Weights of the samples, (taps, delay), oldest sample first; row 0 is the newest sample
-        [1].
-        """
-        rows = [np.eye(1, self.delay, self.delay - 1 - d)[0] for d in range(self.dense)]
-        edges = _edges(self.dense, self.delay, self.averages) if self.averages else np.zeros(0, int)
-        for near, far in itertools.pairwise(edges):
-            row = np.zeros(self.delay)
-            row[self.delay - far : self.delay - near] = 1.0 / (far - near)
-            rows.append(row)
-        return np.array(rows)
-
-    def features(self, samples: np.ndarray, origins: np.ndarray) -> np.ndarray:
-        """Return the features of samples (n, c) at every origin, (o, taps * c).
+        Averages lose little of what lies far back and reduce its noise. Row 0 is the newest sample.
 
         Args:
-            samples: (n, c), oldest first.
-            origins: (o,) sample indices, each at least delay - 1.
+            delay: samples of the window [1].
+            dense: of them one by one [1].
+            averages: box averages over the others [1].
         """
-        windows = sliding_window_view(samples, self.delay, axis=0)[
-            origins - self.delay + 1
-        ]  # (o, c, delay)
-        return (windows @ self.matrix.T).transpose(0, 2, 1).reshape(len(origins), -1)
+        require(
+            1 <= dense <= delay and 0 <= averages <= delay - dense,
+            "Taps: must have 1 <= dense <= delay and 0 <= averages <= delay - dense; "
+            f"got {dense}, {averages}, {delay}.",
+        )
+        rows = list(np.eye(delay)[::-1][:dense])
+        edges = _edges(dense, delay, averages) if averages else np.zeros(0, int)
+        for near, far in itertools.pairwise(edges):
+            row = np.zeros(delay)
+            row[delay - far : delay - near] = 1.0 / (far - near)
+            rows.append(row)
+        return cls(np.array(rows))
+
+    @classmethod
+    def at_lags(cls, lags: Sequence[int]) -> "Taps":
+        """Return single samples, so many before the newest, ascending."""
+        return cls(np.eye(lags[-1] + 1)[lags[-1] - np.array(lags)])
+
+    @property
+    def delay(self) -> int:
+        """Samples of the window."""
+        return self.matrix.shape[1]
+
+    def features(self, windows: np.ndarray) -> np.ndarray:
+        """Return the features of windows (n, delay, c), oldest sample first, (n, taps * c)."""
+        return (self.matrix @ windows).reshape(len(windows), -1)
 
     def expand(self, W: np.ndarray, channels: int) -> np.ndarray:
         """Convert weights of features to weights of the window, oldest sample first, (K, delay *

@@ -7,61 +7,67 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
-from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem, Phi, Trust
+from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Trust
 from np_drake.trained_model import STEPS, number_in, read_model, summary_in, write_model
 
-PAPER, MODE_DICTIONARY = "paper", "mode-dictionary"
-# Encoder of each configuration, by name
-ENCODERS: dict[str, type[Phi] | type[DelayEncoder]] = {PAPER: Phi, MODE_DICTIONARY: DelayEncoder}
+PAPER, NEURAL_WINDOW, MODE_DICTIONARY = "paper", "neural-window", "mode-dictionary"
+CONFIGURATIONS = (PAPER, NEURAL_WINDOW, MODE_DICTIONARY)
 
 
 @dc.dataclass(frozen=True)
 class LiftedModel:
     """Trained predictor as held by a model file, with all matrices in physical units.
 
-    late: samples by which the labels that Phi sees lag behind the wrench; z is taken to the present
-    by the zeta since.
+    refit: samples that A and B are fitted to in flight, about those of `system`; 0 for no refit.
+    ridge: precision of `system` as the prior of a refit [samples of unit size].
+    late: samples by which labels lag behind the wrench; z is lifted at the time of the newest label
+        and taken to the present by the zeta since.
     trust: correction of z in flight by the outcome of earlier forecasts; None for none.
     """
 
     configuration: (
-        str  # a key of `ENCODERS`; a label only, as all that flies is in the other fields
+        str  # of `CONFIGURATIONS`; a label only, as all that flies is in the other fields
     )
     system: LiftedLinearSystem  # offline lifted linear system at the training step
-    encoder: Phi | DelayEncoder  # of the instantaneous chi, or a linear map of the last samples
-    window: int  # samples that the encoder sees, or that the refit reads [1]
-    chi_scale: np.ndarray  # (6,) scales used in training [N, N·m; m/s, rad/s]
-    zeta_scale: np.ndarray  # (6,) scales used in training [N, N·m; m/s, rad/s]
+    encoder: Encoder
+    zeta_scale: np.ndarray = dc.field(default_factory=lambda: np.ones(6))  # in a refit [m/s, rad/s]
     summary: dict[str, Any] = dc.field(
         default_factory=dict
     )  # key figures of the training, for people
-    ridge: float = (
-        0.0  # precision of `system` as the prior of a refit [samples of unit size]; 0 for no refit
-    )
+    refit: int = 0
+    ridge: float = 0.0
     late: int = 0
     trust: Trust | None = None
 
     def __post_init__(self):
         require_configuration(self.configuration)
-        kind = ENCODERS[self.configuration]
-        require(
-            isinstance(self.encoder, kind),
-            f"LiftedModel: {self.configuration} must have {kind.__name__}.",
-        )
         require(
             self.encoder.K == self.system.K,
             f"LiftedModel: encoder and system must agree on K; got {self.encoder.K} and "
             f"{self.system.K}.",
         )
         require(
-            0 <= self.late < self.window,
-            f"LiftedModel: late must be 0 to less than the window; got {self.late}.",
+            self.refit == 0 or (self.refit > 1 and self.ridge > 0),
+            f"LiftedModel: a refit must have two samples and a positive ridge; got {self.refit}, "
+            f"{self.ridge}.",
         )
+
+    @property
+    def window(self) -> int:
+        """Samples from which the first forecast is made."""
+        return self.encoder.delay + self.late
 
     @property
     def step(self) -> float:
         """Time between samples [s]."""
         return self.system.step
+
+    def in_time(self, window: np.ndarray) -> np.ndarray:
+        """Return samples (..., n - late, 12) of a window (..., n, 12), each label beside the zeta
+        of its own time.
+        """
+        n = window.shape[-2] - self.late
+        return np.concatenate([window[..., self.late :, :6], window[..., :n, 6:]], axis=-1)
 
     def since_label(self, window: np.ndarray) -> np.ndarray:
         """Return the zeta (..., late, 6) from the time of the newest label on, of samples (..., n,
@@ -77,15 +83,16 @@ def require_configuration(name: str) -> None:
     Raises: ValueError: if there is none.
     """
     require(
-        name in ENCODERS, f"configuration must be {' | '.join(ENCODERS)}; got {name}. Train again."
+        name in CONFIGURATIONS,
+        f"configuration must be {' | '.join(CONFIGURATIONS)}; got {name}. Train again.",
     )
 
 
 # What a header may hold, own choice: beyond it a file is damaged.
-LONGEST_WINDOW, LARGEST_RIDGE = 100_000, 1e12
+LONGEST, LARGEST_RIDGE = 10_000, 1e12
 
 
-SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
+SCHEMA = "np_drake.lifted_model/2"  # format of the file and its version
 
 
 def save_model(model: LiftedModel, path: str | Path) -> None:
@@ -97,7 +104,6 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
         "A": s.A,
         "B": s.B,
         "C": s.C,
-        "chi_scale": model.chi_scale,
         "zeta_scale": model.zeta_scale,
         **model.encoder.tensors(),
     }
@@ -108,12 +114,11 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
     header = {
         "configuration": model.configuration,
         "step": s.step,
-        "window": model.window,
+        "refit": model.refit,
         "ridge": model.ridge,
+        "late": model.late,
         "summary": model.summary,
     }
-    if model.late:
-        header["late"] = model.late
     write_model(tensors, SCHEMA, header, path)
 
 
@@ -127,30 +132,24 @@ def load_model(path: str | Path) -> LiftedModel:
 
 def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
     configuration = str(header["configuration"])
-    window = int(number_in(header, "window", 1, LONGEST_WINDOW))
     require_configuration(configuration)
     system = LiftedLinearSystem(
         tensors["A"], tensors["B"], tensors["C"], number_in(header, "step", *STEPS)
     )
     if system.spectral_radius > 1.0 + 1e-9:
         raise ValueError(f"A must be stable; its spectral radius is {system.spectral_radius:.6g}.")
-    for name in ("chi_scale", "zeta_scale"):
-        require(
-            tensors[name].shape == (6,) and np.all(tensors[name] > 0),
-            f"{name} must be six positive numbers.",
-        )
-    encoder = ENCODERS[configuration].from_tensors(tensors)
+    scale = tensors["zeta_scale"]
+    require(scale.shape == (6,) and np.all(scale > 0), "zeta_scale must be six positive numbers.")
     return LiftedModel(
         configuration,
         system,
-        encoder,
-        window,
-        tensors["chi_scale"],
-        tensors["zeta_scale"],
+        Encoder.from_tensors(tensors),
+        scale,
         summary_in(header),
-        number_in(header, "ridge", 0.0, LARGEST_RIDGE),
-        int(number_in({"late": 0} | header, "late", 0, LONGEST_WINDOW)),
-        _trust(tensors, system.K),
+        refit=int(number_in(header, "refit", 0, LONGEST)),
+        ridge=number_in(header, "ridge", 0.0, LARGEST_RIDGE),
+        late=int(number_in(header, "late", 0, LONGEST)),
+        trust=_trust(tensors, system.K),
     )
 
 

@@ -3,14 +3,10 @@ least-squares problem.
 
 Every channel of chi has modes lambda^h of its own; chi_hat_h = sum over modes of lambda^h times an
 amplitude, and z holds the amplitudes. So A = diag(lambda) is stable whatever the data say, C = 1,
-and only E and B are learned.
+B = 0, and only E is learned. A B that acts on what zeta adds to its last value foresees no more of
+the force of real flights (own measurement).
 Geometrically spaced time constants represent any course that is smooth in log h.
 Source: own choice, after the basis functions of Wahlberg & Mäkilä 1996.
-
-The forecast for a held zeta is the encoder's alone. z therefore carries the last zeta as well
-(z_zeta), and B acts on the difference: a+ = A a + B (zeta - z_zeta). So a held zeta leaves the held
-forecast untouched, and B is free to learn only what the coming motion adds. In one lifted linear
-system: [[A, -B], [0, level]], [[B], [0]].
 
 The encoder is found horizon by horizon first. For zeta held at its last value a lifted linear
 system answers chi_hat_h = C A^h E w (+ constant): one linear map W_h of the window a horizon.
@@ -23,13 +19,9 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from np_drake.lifting.model.lifted_linear_system import (
-    DelayEncoder,
-    DelayTaps,
-    LiftedLinearSystem,
-    Trust,
-)
+from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Taps, Trust
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation, turns
@@ -61,7 +53,7 @@ def flight_moments(
     samples: np.ndarray,
     goal: np.ndarray,
     *,
-    taps: DelayTaps,
+    taps: Taps,
     horizons: np.ndarray,
     max_origins: int,
     symmetry: float,
@@ -77,7 +69,8 @@ def flight_moments(
     """
     first, last = taps.delay - 1, len(samples) - int(horizons[-1])
     origins = np.arange(first, last, max(1, -(-(last - first) // max_origins)))
-    F = np.hstack([taps.features(samples, origins), np.ones((len(origins), 1))])
+    windows = sliding_window_view(samples, taps.delay, axis=0)[origins - taps.delay + 1]
+    F = np.hstack([taps.features(windows.transpose(0, 2, 1)), np.ones((len(origins), 1))])
     Y = goal[origins[:, None] + horizons]
     gram = F.T @ F / len(F)
     cross = (F.T @ Y.reshape(len(F), -1) / len(F)).reshape(-1, len(horizons), 6)
@@ -85,7 +78,7 @@ def flight_moments(
     power = np.minimum(_grouped(change), _grouped(np.var(Y, axis=0)))
     power[horizons == 0] = NOW * power[horizons > 0].min(axis=0)
     if symmetry > 0:
-        gram, cross = symmetrised(gram, cross, slice(6), symmetry)
+        gram, cross = symmetrised(gram, cross, symmetry)
     return Moments(gram, cross, np.mean(Y**2, axis=0), np.maximum(power, 1e-12))
 
 
@@ -125,15 +118,12 @@ def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
     return W
 
 
-def symmetrised(
-    gram: np.ndarray, cross: np.ndarray, goals: slice, share: float
-) -> tuple[np.ndarray, np.ndarray]:
+def symmetrised(gram: np.ndarray, cross: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
     """Return moments of which a share is averaged over those of the turned flights.
 
     Args:
         gram: (p, p) of features, groups of six that turn and at most one constant.
-        cross: (p, ..., g) of features and goals.
-        goals: channels of chi that are the goals.
+        cross: (p, ..., 6) of features and goals.
         share: of the average [1].
     """
     grams, crosses, turning = [], [], len(gram) // 6 * 6
@@ -141,7 +131,7 @@ def symmetrised(
     for turn in TURNS:
         T[:turning, :turning] = np.kron(np.eye(turning // 6), turn)
         grams.append(T.T @ gram @ T)
-        crosses.append(np.tensordot(T.T, cross, axes=1) @ turn[goals, goals])
+        crosses.append(np.tensordot(T.T, cross, axes=1) @ turn)
     mean_gram, mean_cross = np.mean(grams, axis=0), np.mean(crosses, axis=0)
     return (1 - share) * gram + share * mean_gram, (1 - share) * cross + share * mean_cross
 
@@ -217,82 +207,6 @@ def time_constants(
     return ModeDictionary((f, f, f, t, t, t))
 
 
-def departures(
-    zeta: np.ndarray, origins: np.ndarray, horizons: np.ndarray, poles: np.ndarray
-) -> np.ndarray:
-    """Return the state of each mode at each horizon, driven by zeta_(k+j) - zeta_k with unit gain,
-    (o, H, modes, 6).
-
-    Args:
-        zeta: (n, 6) [m/s, rad/s].
-        origins: (o,) sample indices.
-        horizons: (H,) [steps].
-        poles: (modes,) [1].
-    """
-    wanted = {int(h): i for i, h in enumerate(horizons)}
-    out = np.zeros((len(origins), len(horizons), len(poles), 6))
-    state = np.zeros((len(origins), len(poles), 6))
-    for j in range(int(horizons[-1]) + 1):
-        if j in wanted:
-            out[:, wanted[j]] = state
-        state = poles[:, None] * state + (zeta[origins + j] - zeta[origins])[:, None]
-    return out
-
-
-def fit_response(
-    flights: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]],
-    modes: ModeDictionary,
-    horizons: np.ndarray,
-    *,
-    noise: float,
-    strength: float,
-    symmetry: float,
-) -> np.ndarray:
-    """Return B (K, 6), scaled, that minimises the error of the forecast for known zeta.
-
-    Args:
-        flights: of each (zeta (n, 6), origins (o,), residual of the held forecast (o, H, 6), power
-            (H, 2)), scaled.
-        horizons: (H,) [steps].
-        noise: deviation of white noise in the coming zeta [scaled]: keeps B from differentiating
-            it.
-        strength: prior deviation of what one unit of zeta, held, adds to chi through each mode
-            [scaled]. Errors at horizon h count as one in h samples, because so few of them are
-            independent.
-        symmetry: as in `flight_moments`.
-    """
-    B = np.zeros((modes.K, 6))
-    for k, group in enumerate(GROUPS):
-        poles = modes.poles[group.start]
-        size = 6 * len(poles)
-        gram, cross = np.zeros((size, size)), np.zeros((size, 3))
-        for zeta, origins, rest, power in flights:
-            u = departures(zeta, origins, horizons, poles).reshape(
-                len(origins), len(horizons), size
-            )
-            left = np.maximum(
-                np.mean(np.sum(rest[..., group] ** 2, axis=-1), axis=0), 1e-6 * power[:, k]
-            )
-            left /= len(zeta) / np.maximum(
-                horizons, 1.0
-            )  # so many windows of a flight are independent
-            weighted = u / (left * len(origins))[:, None]
-            one = np.einsum("ohp,ohq->pq", weighted, u, optimize=True)
-            two = np.einsum("ohp,ohc->pc", weighted, rest[..., group], optimize=True)
-            gram, cross = gram + one, cross + two
-            energy = np.array(
-                [[np.sum((p * q) ** np.arange(h)) for h in horizons] for p in poles for q in poles]
-            )
-            floor = (energy @ (1.0 / left)).reshape(len(poles), len(poles))
-            gram = gram + noise**2 * np.kron(floor, np.eye(6))
-        gram, cross = symmetrised(gram, cross, group, symmetry)
-        settled = (1.0 / (1.0 - poles)) / strength  # of a mode, per unit of B and of zeta held
-        solution = np.linalg.solve(gram + np.diag(np.repeat(settled**2, 6)), cross)
-        for i, channel in enumerate(range(*group.indices(6))):
-            B[modes.places[channel]] = solution[:, i].reshape(-1, 6)
-    return B
-
-
 LEVEL_MEMORY = 200.0  # time constant of what is held [s]
 
 
@@ -320,10 +234,6 @@ class ModeDictionaryConfig:
         400.0,
     )  # time constants [steps]
     noise: float = 3e-4  # of the samples the encoder sees, in units of their scale [1]
-    input_noise: float = 0.01  # of the coming zeta, in units of its scale [1]
-    strength: float = (
-        0.03  # prior deviation of what a unit of zeta adds to chi in each mode, both scaled [1]
-    )
     symmetry: float = (
         0.8  # how symmetric the airframe is taken to be: about body z and left to right [1]
     )
@@ -334,9 +244,9 @@ class ModeDictionaryConfig:
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
 
     @property
-    def taps(self) -> DelayTaps:
+    def taps(self) -> Taps:
         """Samples and averages that the encoder sees."""
-        return DelayTaps(self.delay, self.dense, self.averages)
+        return Taps.averaging(self.delay, self.dense, self.averages)
 
     @property
     def grid(self) -> np.ndarray:
@@ -369,85 +279,36 @@ def train_mode_dictionary(
                 symmetry=config.symmetry,
             )
         )
-        on_epoch(number + 1, len(segments) + 2, np.inf)
+        on_epoch(number + 1, len(segments) + 1, np.inf)
     modes = time_constants(config.force_modes, config.torque_modes, LEVEL_MEMORY / step)
     weights = np.sqrt(np.mean([1.0 / flight.power for flight in flights], axis=0))
     projector = modes.projector(config.grid, weights)
     W = horizon_ridge(flights, noise=config.noise)
     encoder = np.einsum("khc,phc->kp", projector, W)
-    B = _response(segments, flights, encoder, modes, config, scale)
     fitted = np.einsum("hck,kp->phc", modes.readout(config.grid), encoder)
     loss = float(np.mean([relative_error(flight, fitted) for flight in flights]))
-    on_epoch(len(segments) + 2, len(segments) + 2, loss)
-    model = _assemble(config, modes, encoder, B, projector, scale, step, segments)
+    on_epoch(len(segments) + 1, len(segments) + 1, loss)
+    model = _assemble(config, modes, encoder, projector, scale, step, segments)
     text = measure_excitation([segment.zeta for segment in segments], step=step).text
     summary = {"samples": sum(map(len, segments)), "loss": {"all": loss}, "excitation": text}
     return dc.replace(model, summary=summary), [loss]
 
 
-def _response(
-    segments: list[Segment],
-    flights: list[Moments],
-    encoder: np.ndarray,
-    modes: ModeDictionary,
-    config: ModeDictionaryConfig,
-    scale: np.ndarray,
-) -> np.ndarray:
-    """Return B (K, 6), scaled, on origins thinned to a quarter of those of the encoder."""
-    readout, pieces = modes.readout(config.grid), []
-    for segment, flight in zip(segments, flights, strict=True):
-        samples = np.hstack([segment.chi, segment.zeta]) / scale
-        first, last = config.delay - 1, len(samples) - config.horizon
-        origins = np.arange(first, last, max(1, -(-(last - first) * 4 // config.max_origins)))
-        F = np.hstack([config.taps.features(samples, origins), np.ones((len(origins), 1))])
-        forecast = np.einsum("hck,ok->ohc", readout, F @ encoder.T, optimize=True)
-        rest = (segment.goal / scale[:6])[origins[:, None] + config.grid] - forecast
-        pieces.append((samples[:, 6:], origins, rest, flight.power))
-    return fit_response(
-        pieces,
-        modes,
-        config.grid,
-        noise=config.input_noise,
-        strength=config.strength,
-        symmetry=config.symmetry,
-    )
-
-
-def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> LiftedModel:
+def _assemble(config, modes, encoder, projector, scale, step, segments) -> LiftedModel:
     """Return the model in physical units."""
     channel = np.concatenate([[c] * len(p) for c, p in enumerate(modes.poles)])
     unit = scale[channel]  # of each amplitude [N, N·m]
-    window = (
-        config.taps.expand(encoder[:, :-1] * unit[:, None], 12).reshape(modes.K, config.delay, 12)
-        / scale
-    )
-    last = np.zeros((6, config.delay, 12))
-    last[:, -1, 6:] = np.eye(6)  # the last zeta, as it is
-    E = np.concatenate([window, last]).reshape(modes.K + 6, -1)
-    offset = np.concatenate([encoder[:, -1] * unit, np.zeros(6)])
-    # z = [amplitudes; last zeta], see the module
-    K, B = modes.K, B * unit[:, None] / scale[6:]
-    A = np.zeros((K + 6, K + 6))
-    A[:K, :K], A[:K, K:] = np.diag(np.concatenate(modes.poles)), -B
-    A[K:, K:] = np.exp(-step / LEVEL_MEMORY) * np.eye(6)
-    C = np.hstack([modes.C, np.zeros((6, 6))])
-    system = LiftedLinearSystem(A, np.vstack([B, np.zeros((6, 6))]), C, step)
+    E = config.taps.expand(encoder[:, :-1] * unit[:, None], 12)
+    E /= np.tile(scale, config.delay)
+    A, B = np.diag(np.concatenate(modes.poles)), np.zeros((modes.K, 6))
+    system = LiftedLinearSystem(A, B, modes.C, step)
     ahead = config.grid > 0
-    readout = modes.readout(config.grid[ahead])
-    unread = np.zeros((*readout.shape[:2], 6))  # the last zeta
     trust = Trust(
         config.grid[ahead],
-        np.concatenate([readout, unread], axis=2),
-        np.concatenate([projector[:, ahead], np.zeros((6, ahead.sum(), 6))]),
+        modes.readout(config.grid[ahead]),
+        projector[:, ahead],
         np.mean([segment.goal.mean(axis=0) for segment in segments], axis=0),
         half=config.trust_half,
     )
-    return LiftedModel(
-        MODE_DICTIONARY,
-        system,
-        DelayEncoder(E, config.delay, offset),
-        config.delay,
-        scale[:6],
-        scale[6:],
-        trust=trust,
-    )
+    encoder = Encoder(E, offset=encoder[:, -1] * unit)
+    return LiftedModel(MODE_DICTIONARY, system, encoder, trust=trust)

@@ -1,26 +1,26 @@
-"""Training of the `paper` configuration: Algorithm 1, made well-posed.
+"""Training of the `paper` configuration: Algorithm 1 of five samples, made well-posed.
 
 What the paper leaves open is settled as follows (docs/reference/predictor.md lists it with reasons
 and effects):
+- Phi takes [chi, zeta] at five times of the last 0.66 s in place of chi now: one instant of the
+  wrench does not show the phase of a swing. Its first layer starts at the directions of these
+  samples that foresee most.
 - The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is Bayesian
   regression about a prior A_0, B_0 shared by all windows: least squares over all of them, renewed
-  every epoch, and in flight the offline model. How far windows stray from it is the evidence of the
-  windows themselves (`most_likely_ridge`).
+  every epoch, and in flight the offline model.
 - B_0 is shrunk along directions of zeta that the flights do not excite.
 - Stable: A_0 and each window's A are made stable as in flight before they are iterated.
 - Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares
   sense: the window fit of z_k on z_(k+1) and zeta_k, about a backward prior, made stable the same
   way.
 - mu carries the trajectory index in the paper, so that late trajectories count less; here it
-  discounts the
-  prediction step: mean over j of mu^j |z_j - z_hat_j|².
-- chi enters Phi over one scale for force and one for torque; gamma is the Lipschitz constant there.
-- A causal label lags behind its zero-phase target, and Phi, which sees one instant, cannot undo
-  that: each label stands beside the zeta of its own time, in training and in flight.
+  discounts the prediction step: mean over j of mu^j |z_j - z_hat_j|².
+- Samples enter Phi over one scale for force, torque, v and omega each; gamma is the Lipschitz
+  constant there.
+- A causal label lags behind its zero-phase target: each label stands beside the zeta of its own
+  time, in training and in flight.
 - Every window is turned by quarter turns about the vertical or mirrored: a circle in one direction
-  locks force and velocity in a relation that no other flight has. So the mean wrench is vertical,
-  and the A that flies forgets departures from it within a window: one instant of chi does not show
-  the phase of a swing, and a forecast that holds one pumps it.
+  locks force and velocity in a relation that no other flight has.
 """
 
 import dataclasses as dc
@@ -30,53 +30,64 @@ import numpy as np
 import torch
 from torch import nn
 
-from np_drake.lifting.model.lifted_linear_system import RADIUS, LiftedLinearSystem, Phi, stabilized
+from np_drake.lifting.model.lifted_linear_system import (
+    RADIUS,
+    Encoder,
+    LiftedLinearSystem,
+    Taps,
+    stabilized,
+)
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation, turns
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
+# Of the samples that Phi sees, the newest 0, half a second in all at 50 Hz; own choice: a swing of
+# 0.56 Hz has turned by a third
+LAGS = (0, 8, 16, 24, 32)
+# Of the offline A, B in a window's fit [samples of unit size]; own choice: a fourth of the window,
+# so that forty samples outweigh the prior where they say something, and only there
+RIDGE = 10.0
+
 
 class PhiModule(nn.Module):
     """Spectrally normalised perceptron, W_hat = W / sigma(W) gamma^(1/(L+1)) in every layer.
 
-    The input is chi / scale, so gamma is the Lipschitz constant in those scaled coordinates; in N
-    and N·m it is at most gamma / min(scale). sigma and its gradient u v^T come from a singular
-    value decomposition, so that the bound holds for close singular values too, where a power
-    iteration stands still early; training takes as long with
+    Its inputs are scaled, and gamma is the Lipschitz constant in those coordinates. sigma and its
+    gradient u v^T come from a singular value decomposition, so that the bound holds for close
+    singular values too, where a power iteration stands still early; training takes as long with
     either (own measurement).   Source: Jin et al. 2025, eq. (sn).
 
     Args:
+        start: (K, inputs) map that it is at first, up to a factor.
         gamma: [1].
-        scale: (6,) of chi [N, N·m].
     """
 
-    def __init__(
-        self, *, width: int, layers: int, K: int, gamma: float, scale: np.ndarray, seed: int
-    ):
+    def __init__(self, *, start: np.ndarray, width: int, layers: int, gamma: float, seed: int):
         super().__init__()
         generator = torch.Generator().manual_seed(seed)
-        start = _initial_weights([6] + [width] * layers + [K], generator)
-        self.raw = nn.ParameterList(nn.Parameter(raw) for raw in start)
+        raw = _initial_weights(torch.from_numpy(start), width, layers, generator)
+        self.raw = nn.ParameterList(map(nn.Parameter, raw))
         self._layer_gain = gamma ** (1.0 / len(self.raw))
-        self._scale = torch.from_numpy(scale)
 
     def weights(self) -> list[torch.Tensor]:
         """Return the normalised weights, each of largest singular value gamma^(1/(L+1))."""
         return [normalised(W, self._layer_gain) for W in self.raw]
 
-    def forward(self, chi: torch.Tensor) -> torch.Tensor:
-        """Return z (..., K) of chi (..., 6) [N, N·m]."""
-        z = chi / self._scale
-        *hidden, last = self.weights()
-        for W in hidden:
-            z = torch.relu(z @ W.T)
-        return z @ last.T
+    def forward(self, samples: torch.Tensor) -> torch.Tensor:
+        """Return z (..., K) of samples (..., inputs), scaled."""
+        return perceptron(samples, self.weights())
 
-    def export(self) -> Phi:
-        """Return the map in numpy."""
-        weights = tuple(W.detach().numpy() for W in self.weights())
-        return Phi(weights, self._scale.numpy().copy())
+    def export(self) -> tuple[np.ndarray, ...]:
+        """Return the weights in numpy."""
+        return tuple(W.detach().numpy() for W in self.weights())
+
+
+def perceptron(value: torch.Tensor, weights: list[torch.Tensor]) -> torch.Tensor:
+    """Return W^(L+1) relu(W^L … relu(W^1 value)) of values (..., inputs)."""
+    for W in weights[:-1]:
+        value = torch.relu(value @ W.T)
+    return value @ weights[-1].T
 
 
 def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
@@ -99,19 +110,22 @@ def descend_once(optimiser: torch.optim.Optimizer, loss: torch.Tensor) -> None:
     optimiser.step()
 
 
-def _initial_weights(sizes: list[int], generator: torch.Generator) -> list[torch.Tensor]:
-    """Return layers whose first outputs carry chi itself, as relu(chi) - relu(-chi), beside random
-    features.
+def _initial_weights(
+    start: torch.Tensor, width: int, layers: int, generator: torch.Generator
+) -> list[torch.Tensor]:
+    """Return layers whose first outputs carry y = `start` x (K, inputs) as relu(y) - relu(-y),
+    beside random features.
 
-    So chi = C z holds from the start and training need not find the identity first. Own choice: one
-    step ahead on a real flight the error is 0.8 of persistence's this way, and 8 times it from a
-    plain random start.
+    So training need not find first what foresees. Own choice: one step ahead on a real flight the
+    error is 0.8 of persistence's this way, and 8 times it from a plain random start.
     """
-    weights, eye = [], torch.eye(6, dtype=torch.float64)
-    between = [torch.eye(12, dtype=torch.float64)] * (len(sizes) - 3)
-    carriers = [torch.cat([eye, -eye]), *between, torch.cat([eye, -eye], dim=1)]
-    for (inputs, outputs), carrier in zip(itertools.pairwise(sizes), carriers, strict=False):
-        raw = torch.randn(outputs, inputs, generator=generator, dtype=torch.float64)
+    K = len(start)
+    sizes = [start.shape[1], *[width] * layers, K]
+    signs = torch.cat([torch.eye(K), -torch.eye(K)]).to(start)
+    carriers = [signs @ start, *[torch.eye(2 * K).to(start)] * (layers - 1), signs.T]
+    weights = []
+    for (inputs, outputs), carrier in zip(itertools.pairwise(sizes), carriers, strict=True):
+        raw = torch.randn(outputs, inputs, generator=generator, dtype=start.dtype)
         raw = raw / torch.linalg.matrix_norm(raw, 2)
         raw[: len(carrier)] = 0.0
         raw[: len(carrier), : carrier.shape[1]] = carrier
@@ -119,11 +133,29 @@ def _initial_weights(sizes: list[int], generator: torch.Generator) -> list[torch
     return weights
 
 
-RIDGES = tuple(
-    10.0**k for k in range(9)
-)  # that are tried, up to no refit at all [samples of unit size]
+def foreseeing(past: np.ndarray, drive: np.ndarray, future: np.ndarray, count: int) -> np.ndarray:
+    """Return directions of the past that foresee most of the future at known drive, (count, p), of
+    unit variance, strongest first.
+
+    future = past W' + drive V' + rest by least squares; the principal axes of past W'.
+    Source: subspace identification, Van Overschee & De Moor 1996.
+
+    Args:
+        past: (n, p).
+        drive: (n, q) from now on.
+        future: (n, r).
+    """
+    X, p = np.hstack([past, drive]), past.shape[1]
+    normal = X.T @ X / len(X)
+    normal += NULL * np.diag(np.diag(normal)) + FLOOR * np.eye(len(normal))
+    W = np.linalg.solve(normal, X.T @ future / len(X))[:p]
+    L = np.linalg.cholesky(normal[:p, :p])
+    U = np.linalg.svd(L.T @ W, full_matrices=False)[0][:, :count]
+    return np.linalg.solve(L.T, U).T
+
+
 NULL = 1e-4  # of the mean power, added to that of every direction: Phi may have null directions [1]
-EXACT = 1e-12  # variance of labels that are exact, over their scale [1]
+FLOOR = 1e-6  # power of a direction that counts as still, of scaled samples [1]
 
 
 def regression(
@@ -172,61 +204,6 @@ def window_fit(
     return stable(solution[:, :K]), solution[:, K:]
 
 
-def most_likely_ridge(
-    z: torch.Tensor, zeta: torch.Tensor, goal: torch.Tensor, C: torch.Tensor, priors: torch.Tensor
-) -> float:
-    """Return the ridge under which what follows the windows of a training is most likely [samples
-    of unit size].
-
-    A window's own A, B, fitted under the ridge, forecast the next window from its first sample on.
-    Of the error at every step ahead, normal with a covariance of its own, the log likelihood at its
-    maximum is
-    -n/2 log|covariance| + const; summed over the steps, it is the evidence of the ridge. The
-    likelihood of the windows themselves, one step ahead, would ask for matrices of their own
-    wherever the network is bent; these pump a swing.
-    Source: prequential likelihood, Dawid 1984.
-
-    Args:
-        z: (n, 2 W, K) of a window and the next.
-        zeta: (n, 2 W, 6).
-        goal: (n, 2 W, 6) chi / scale.
-        C: (6, K) reads it out of z.
-        priors: (n, K + 6, K) mean of the prior of each, learned on windows at other times: about a
-            prior that knows a window already, nothing would be left to learn in flight.
-    """
-    X, Y = regression(z, zeta)
-    K, last = z.shape[-1], z.shape[1] // 2 - 1  # of the window
-    evidence = []
-    for ridge in RIDGES:
-        A, B = window_fit(X[:, :last], Y[:, :last], priors, ridge)
-        state, found = z[:, last], 0.0
-        for j in range(last, X.shape[1]):
-            state = (state[:, None] @ A + X[:, j, None, K:] @ B)[:, 0]
-            error = state @ C.T - goal[:, j + 1]
-            covariance = error.T @ error / len(error) + EXACT * torch.eye(
-                error.shape[1], dtype=error.dtype
-            )
-            found -= 0.5 * len(error) * torch.logdet(covariance).item()
-        evidence.append(found)
-    return RIDGES[int(np.argmax(evidence))]
-
-
-def forgetful(A: torch.Tensor, z: torch.Tensor, window: int) -> torch.Tensor:
-    """Return A' (K, K) with modes that decay within a window, but for the level of z.
-
-    z = m (l'z) + rest: m is its mean, and the level l'z, least squares of 1, stays.
-
-    Args:
-        A: (K, K), transposed.
-        z: (..., K) of the training.
-        window: time constant [samples].
-    """
-    Z = z.reshape(-1, z.shape[-1])
-    mean, level = Z.mean(dim=0), global_fit(Z, torch.ones(len(Z), 1, dtype=Z.dtype))[:, 0]
-    decaying = stable(A, np.exp(-1.0 / window))
-    return stable(decaying + torch.outer(level / (level @ mean), mean - mean @ decaying))
-
-
 def stable(A: torch.Tensor, radius: float = RADIUS) -> torch.Tensor:
     """Make A (..., K, K) stable as `stabilized` does in flight; what that adds is taken as a
     constant in gradients.
@@ -241,14 +218,9 @@ def stable(A: torch.Tensor, radius: float = RADIUS) -> torch.Tensor:
     return A + torch.from_numpy(found - given)
 
 
-BLOCKS = 4  # of time; the windows of one are judged about the prior of the others [1]
-
-
 @dc.dataclass(frozen=True)
 class PaperConfig:
-    """Parameters of the `paper` configuration: Phi of the instantaneous chi, A and B refit on a
-    window.
-    """
+    """Parameters of the `paper` configuration: Phi of five samples, A and B refit on a window."""
 
     size: int = 24  # K [1]
     width: int = 128  # neurons of a hidden layer [1]
@@ -276,37 +248,34 @@ class PaperTrainer:
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
         self.config, self.late = config, max((segment.late for segment in segments), default=0)
-        segments = [
-            segment.in_time for segment in check_segments(segments, 2 * config.window + self.late)
-        ]
+        segments = check_segments(segments, config.window + LAGS[-1] + self.late)
+        segments = [segment.in_time for segment in segments]
         self.step = float(np.median([segment.step for segment in segments]))
         self.samples = sum(map(len, segments))
-        self.chi_scale = group_scale([segment.chi for segment in segments], centred=False)
-        self.zeta_scale = group_scale([segment.zeta for segment in segments], centred=False)
-        self._scale = torch.from_numpy(self.chi_scale)
-        zeta = [segment.zeta for segment in segments]
+        chi, zeta = [segment.chi for segment in segments], [segment.zeta for segment in segments]
+        scales = [group_scale(values, centred=False) for values in (chi, zeta)]
+        self.chi_scale, self.zeta_scale = scales
         if config.symmetric:
             zeta = [image for piece in zeta for image in turns(piece)]
         self.excitation = measure_excitation(zeta, step=self.step)
         self._seen = torch.from_numpy(
             self.excitation.shrink.T * self.zeta_scale[:, None] / self.zeta_scale
         )
-        self._chi, self._zeta = _windows(segments, config, self.zeta_scale)
-        pairs = dc.replace(config, window=2 * config.window, spacing=config.window)
-        self._pairs = _windows(
-            segments, pairs, self.zeta_scale
-        )  # a window and the one that follows it
+        windows = _windows(segments, config) / np.concatenate(scales)
+        late = windows[:, LAGS[-1] :]
+        lagged = [windows[:, LAGS[-1] - lag : windows.shape[1] - lag] for lag in LAGS]
+        self._samples = torch.from_numpy(np.concatenate(lagged, axis=-1))
+        self._chi, self._zeta = torch.from_numpy(late[..., :6]), torch.from_numpy(late[..., 6:])
         self.phi = PhiModule(
+            start=_start(lagged, config.size),
             width=config.width,
             layers=config.layers,
-            K=config.size,
             gamma=config.gamma,
-            scale=self.chi_scale,
             seed=config.seed,
         )
         self.C = nn.Parameter(torch.zeros(6, config.size, dtype=torch.float64))
         with torch.no_grad():
-            self.C.copy_(self._best_readout(self.phi(self._chi)))
+            self.C.copy_(self._best_readout(self.phi(self._samples)))
         self.optimiser = torch.optim.Adam([*self.phi.raw, self.C], lr=config.learning_rate)
         self._rate = torch.optim.lr_scheduler.CosineAnnealingLR(
             self.optimiser, max(config.epochs, 1), config.learning_rate / 10
@@ -320,9 +289,8 @@ class PaperTrainer:
         order = np.random.default_rng([self.config.seed, self.epoch]).permutation(len(self._chi))
         losses = []
         self._fit_priors()
-        for start in range(0, len(order), self.config.batch):
-            batch = torch.from_numpy(order[start : start + self.config.batch])
-            loss = self.loss(self._chi[batch], self._zeta[batch])
+        for batch in torch.from_numpy(order).split(self.config.batch):
+            loss = self.loss(self._samples[batch], self._chi[batch], self._zeta[batch])
             descend_once(self.optimiser, loss)
             losses.append(loss.item())
         self._rate.step()
@@ -330,15 +298,16 @@ class PaperTrainer:
         self.history.append(float(np.mean(losses)))
         return self.history[-1]
 
-    def loss(self, chi: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
+    def loss(self, samples: torch.Tensor, chi: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
         """Return beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of a batch of windows.
 
         Args:
-            chi: (b, W, 6) [N, N·m].
+            samples: (b, W, 60) that Phi sees, scaled.
+            chi: (b, W, 6), scaled.
             zeta: (b, W, 6), scaled.
         """
-        z = self.phi(chi)
-        reconstruction = ((chi / self._scale - z @ self.C.T) ** 2).mean()
+        z = self.phi(samples)
+        reconstruction = ((chi - z @ self.C.T) ** 2).mean()
         forward = self._rollout_error(z, zeta, self.forward_prior, backward=False)
         backward = self._rollout_error(z, zeta, self.backward_prior, backward=True)
         b = self.config.beta
@@ -351,11 +320,10 @@ class PaperTrainer:
         self._fit_priors()
         A, B = self.forward_prior[: self.config.size], self.forward_prior[self.config.size :]
         with torch.no_grad():
-            z = self.phi(self._chi)
-            C = self._best_readout(z).numpy() * self.chi_scale[:, None]
-            if self.config.symmetric:
-                A = forgetful(A, z, self.config.window)
+            C = self._best_readout(self.phi(self._samples)).numpy() * self.chi_scale[:, None]
         system = LiftedLinearSystem(A.numpy().T, B.numpy().T / self.zeta_scale, C, self.step)
+        scale = np.tile(np.concatenate([self.chi_scale, self.zeta_scale]), len(LAGS))
+        picked = Taps.at_lags(LAGS).expand(np.diag(1.0 / scale), 12)
         summary = {
             "samples": self.samples,
             "epochs": self.epoch,
@@ -366,34 +334,25 @@ class PaperTrainer:
         return LiftedModel(
             PAPER,
             system,
-            self.phi.export(),
-            self.config.window + self.late,
-            self.chi_scale,
+            Encoder(picked, self.phi.export(), skip=False),
             self.zeta_scale,
             summary,
-            ridge=self.ridge,
+            refit=self.config.window,
+            ridge=RIDGE,
             late=self.late,
         )
 
     def _fit_priors(self) -> None:
-        """Fit the priors of this epoch, and how surely they hold in a window, with the present
-        Phi.
-        """
+        """Fit the priors of this epoch with the present Phi."""
         with torch.no_grad():
-            z, (chi, zeta) = self.phi(self._chi), self._pairs
+            z = self.phi(self._samples)
             self.forward_prior, self.backward_prior = self._prior(z), self._prior(z, backward=True)
-            others = torch.stack([self._prior(z, without=block) for block in range(BLOCKS)])
-            self.ridge = most_likely_ridge(
-                self.phi(chi), zeta, chi / self._scale, self.C, others[_blocks(len(chi))]
-            )
 
-    def _prior(self, z: torch.Tensor, *, backward: bool = False, without: int = -1) -> torch.Tensor:
-        """Return [A_0 B_0]' (K + 6, K) over all windows, or all without those of a block of time.
-
-        A is stable, B without zeta along unexcited directions.
+    def _prior(self, z: torch.Tensor, *, backward: bool = False) -> torch.Tensor:
+        """Return [A_0 B_0]' (K + 6, K) over all windows: A stable, B without zeta along unexcited
+        directions.
         """
-        kept = _blocks(len(z)) != without
-        X, Y = regression(z[kept], self._zeta[kept], backward=backward)
+        X, Y = regression(z, self._zeta, backward=backward)
         K = Y.shape[-1]
         fit = global_fit(torch.cat([X[..., :K], X[..., K:] @ self._seen], dim=-1), Y)
         return torch.cat([stable(fit[:K]), self._seen @ fit[K:]])
@@ -402,14 +361,14 @@ class PaperTrainer:
         """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean
         power, (6, K).
         """
-        return global_fit(z, self._chi / self._scale, 1e-6).T
+        return global_fit(z, self._chi, 1e-6).T
 
     def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
         """Return the discounted mean square of the multi-step error in z, with each window's own A
         and B.
         """
         X, Y = regression(z, zeta, backward=backward)
-        A, B = window_fit(X, Y, prior, self.ridge)
+        A, B = window_fit(X, Y, prior, RIDGE)
         drive = X[..., z.shape[-1] :] @ B
         course = z.flip(1) if backward else z
         drive = drive.flip(1) if backward else drive
@@ -431,26 +390,31 @@ def train_paper(
     return trainer.model(), trainer.history
 
 
-def _blocks(count: int) -> np.ndarray:
-    """Return the block of time of each of so many windows, (count,)."""
-    return np.arange(count) * BLOCKS // max(count, 1)
-
-
-def _windows(
-    segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray
-) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return chi in physical units and scaled zeta of all windows, (b, W, 6) each."""
+def _windows(segments: list[Segment], config: PaperConfig) -> np.ndarray:
+    """Return [chi, zeta] of all windows and the samples that Phi sees before, (b, 32 + W, 12)."""
+    length = config.window + LAGS[-1]
     starts = [
-        (segment, k)
+        (np.hstack([segment.chi, segment.zeta]), k)
         for segment in segments
-        for k in range(0, len(segment) - config.window + 1, config.spacing)
+        for k in range(0, len(segment) - length + 1, config.spacing)
     ]
     starts = starts[:: max(1, -(-len(starts) // config.max_windows))]
-    chi = np.stack([segment.chi[k : k + config.window] for segment, k in starts])
-    zeta = np.stack([segment.zeta[k : k + config.window] for segment, k in starts])
+    windows = np.stack([samples[k : k + length] for samples, k in starts])
     if config.symmetric:
-        image = np.array(turns(np.eye(6)))[
-            np.random.default_rng(config.seed).integers(8, size=len(starts))
-        ]
-        chi, zeta = chi @ image, zeta @ image
-    return torch.from_numpy(chi), torch.from_numpy(zeta / zeta_scale)
+        image = IMAGES[np.random.default_rng(config.seed).integers(8, size=len(starts))]
+        windows = windows @ image
+    return windows
+
+
+IMAGES = np.kron(np.eye(2), np.array(turns(np.eye(6))))  # (8, 12, 12) of rows [chi, zeta]
+
+
+def _start(lagged: list[np.ndarray], count: int) -> np.ndarray:
+    """Return orthonormal directions of the samples of windows (b, W, 12) at each lag that foresee
+    most of the rest of the window, (count, 60).
+    """
+    past, now = np.concatenate([one[:, 0] for one in lagged], axis=-1), lagged[0]
+    drive, future = now[:, :-1, 6:], now[:, 1:, :6]
+    n = len(now)
+    found = foreseeing(past, drive.reshape(n, -1), future.reshape(n, -1), count)
+    return np.linalg.qr(found.T)[0].T

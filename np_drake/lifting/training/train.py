@@ -5,16 +5,29 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from np_drake.checks import require
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, NEURAL_WINDOW, PAPER, LiftedModel
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.mode_dictionary import ModeDictionaryConfig, train_mode_dictionary
+from np_drake.lifting.training.neural_window import NeuralWindowConfig, train_neural_window
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
 from np_drake.training_data.segments import Segment
 
 C = TypeVar("C")
-Config = ModeDictionaryConfig | PaperConfig
+Config = ModeDictionaryConfig | NeuralWindowConfig | PaperConfig
 DEFAULT_CONFIG = PaperConfig()
-CONFIGURATIONS: dict[str, Config] = {PAPER: DEFAULT_CONFIG, MODE_DICTIONARY: ModeDictionaryConfig()}
+CONFIGURATIONS: dict[str, Config] = {
+    PAPER: DEFAULT_CONFIG,
+    NEURAL_WINDOW: NeuralWindowConfig(),
+    MODE_DICTIONARY: ModeDictionaryConfig(),
+}
+# Settings for arrays of real flights, sampled every 2.5 ms: window and taps of `mode-dictionary`
+IN_BODY_AXES: dict[str, dict[str, Any]] = {
+    PAPER: {"symmetric": False},
+    NEURAL_WINDOW: {
+        **{"delay": 87, "dense": 12, "averages": 11},
+        **{"horizon": 100, "yaw": 4, "refit": 0},
+    },
+}
 
 
 @dc.dataclass(frozen=True)
@@ -59,8 +72,8 @@ def make_config(
         f"train: {MODE_DICTIONARY} needs wrenches in body axes; these are in {frame} axes.",
     )
     names = {field.name for field in dc.fields(CONFIGURATIONS.get(configuration, DEFAULT_CONFIG))}
-    if frame != "world" and "symmetric" in names:
-        settings = {"symmetric": False} | settings
+    if frame != "world":
+        settings = IN_BODY_AXES.get(configuration, {}) | settings
     if epochs is not None and "epochs" in names:
         settings["epochs"] = epochs
     return configured(CONFIGURATIONS, configuration, settings)
@@ -83,5 +96,6 @@ def configured(configurations: Mapping[str, C], name: str, settings: Mapping[str
 
 _TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
     ModeDictionaryConfig: train_mode_dictionary,
+    NeuralWindowConfig: train_neural_window,
     PaperConfig: train_paper,
 }

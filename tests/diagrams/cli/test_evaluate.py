@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem
+from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.skill.skill import NAIVE
 
@@ -85,8 +85,7 @@ def test_an_unstable_model_fails(logs, monkeypatch, capsys):
     1.
     """
     system = LiftedLinearSystem(2.0 * np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
-    encoder, ones = DelayEncoder(np.eye(6, 12), 1), np.ones(6)
-    broken = LiftedModel(MODE_DICTIONARY, system, encoder, 1, ones, ones)
+    broken = LiftedModel(MODE_DICTIONARY, system, Encoder(np.eye(6, 12)))
     monkeypatch.setattr("diagrams.cli.train.schema_of", lambda path: MODE_DICTIONARY)
     monkeypatch.setattr("diagrams.cli.train.load_model", lambda path: broken)
     assert run(["evaluate", str(logs[1]), "--horizons", "1"]) == 1

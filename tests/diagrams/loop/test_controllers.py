@@ -12,7 +12,7 @@ from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
 from diagrams.loop.flight_result import LostVehicle, fly
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem
+from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel, save_model
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.config import ReferenceConfig
@@ -39,10 +39,9 @@ def test_each_kind_flies_the_packaged_model_of_its_name_on_its_own_vehicle():
 
 
 def test_a_lifted_linear_system_flies_as_np(tmp_path):
-    path, ones = tmp_path / "model.safetensors", np.ones(6)
+    path = tmp_path / "model.safetensors"
     system = LiftedLinearSystem(0.9 * np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
-    encoder = DelayEncoder(np.eye(6, 12), 1)
-    save_model(LiftedModel(MODE_DICTIONARY, system, encoder, 1, ones, ones), path)
+    save_model(LiftedModel(MODE_DICTIONARY, system, Encoder(np.eye(6, 12))), path)
     config = ControllerConfig("np", predictor=str(path))
     assert isinstance(make_residual_model(config, Vehicle()), NeuralPredictor)
     assert [kind_of_model(str(p)) for p in (path, FILTER_MODEL)] == ["np", "payload_filter"]

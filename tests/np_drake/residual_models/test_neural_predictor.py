@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem, Phi
+from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
@@ -23,14 +23,15 @@ def last_sample_model() -> LiftedModel:
     E = np.zeros((6, 12 * D))
     E[:, 12 * (D - 1) : 12 * (D - 1) + 6] = np.eye(6)
     system = LiftedLinearSystem(A, B, np.eye(6), STEP)
-    return LiftedModel(MODE_DICTIONARY, system, DelayEncoder(E, D), D, np.ones(6), np.ones(6))
+    return LiftedModel(MODE_DICTIONARY, system, Encoder(E))
 
 
 def paper_model() -> LiftedModel:
-    """z = chi through Phi with relu(chi) - relu(-chi)."""
+    """z = chi of the last of D samples, through Phi with relu(chi) - relu(-chi)."""
     weights = (np.vstack([np.eye(6), -np.eye(6)]), np.hstack([np.eye(6), -np.eye(6)]))
-    system, ones = LiftedLinearSystem(A, B, np.eye(6), STEP), np.ones(6)
-    return LiftedModel(PAPER, system, Phi(weights, ones), 40, ones, ones, ridge=1.0)
+    model = last_sample_model()
+    encoder = Encoder(model.encoder.E, weights, skip=False)
+    return dc.replace(model, configuration=PAPER, encoder=encoder, refit=40, ridge=1.0)
 
 
 def sequence(n: int) -> list[Sample]:
@@ -54,12 +55,8 @@ def without(samples: list[Sample], numbers) -> list[Sample]:
     return [dc.replace(s, chi=GAP) if k in numbers else s for k, s in enumerate(samples)]
 
 
-def predictor(model: LiftedModel) -> NeuralPredictor:
-    return NeuralPredictor(model, torque="predict")
-
-
 def test_the_forecast_is_the_law_of_the_data():
-    samples, dut = sequence(30), predictor(last_sample_model())
+    samples, dut = sequence(30), NeuralPredictor(last_sample_model())
     forecast = dut.forecast(fed(dut, samples[:20]), horizon=10, stride=1)
     zeta, truth = (
         np.array([part(s) for s in samples[19:29]]) for part in (lambda s: s.x[7:], lambda s: s.chi)
@@ -67,8 +64,10 @@ def test_the_forecast_is_the_law_of_the_data():
     np.testing.assert_allclose(forecast.rollout(zeta), truth, atol=1e-12)
 
 
-def test_until_the_window_is_full_and_of_the_torque_the_low_pass_is_held():
-    dut, samples = NeuralPredictor(last_sample_model()), sequence(30)
+def test_what_is_not_lifted_yet_or_not_read_is_held():
+    model, samples = last_sample_model(), sequence(30)
+    C = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    dut = NeuralPredictor(dc.replace(model, system=dc.replace(model.system, C=C)))
     held, blend = samples[0].chi, 1 - np.exp(-2 * np.pi * 4.0 * STEP)
     for n, sample in enumerate(samples, start=1):
         held = held + max(blend, 1 / n) * (sample.chi - held)
@@ -82,7 +81,7 @@ def test_until_the_window_is_full_and_of_the_torque_the_low_pass_is_held():
 
 def test_a_dropped_label_is_filled_with_the_own_prediction():
     """The model knows the law: a few gaps change nothing."""
-    dut, samples = predictor(last_sample_model()), sequence(20)
+    dut, samples = NeuralPredictor(last_sample_model()), sequence(20)
     memory = fed(dut, without(samples, (9, 13, 18, 19)))
     np.testing.assert_allclose(memory["z"], fed(dut, samples)["z"], atol=1e-12)
     assert (memory["dropped"], memory["labels"], memory["gap"]) == (4, 16, 2)
@@ -97,12 +96,20 @@ def test_a_long_gap_starts_the_window_afresh():
     np.testing.assert_array_equal(held, before["lowpass"])
 
 
-BOTH = pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=["delay", PAPER])
+def window_model() -> LiftedModel:
+    """z = chi + relu(chi) of the last of D samples, averaged over a mirror of all channels."""
+    images = np.array([np.eye(6), -np.eye(6)])
+    encoder = dc.replace(last_sample_model().encoder, weights=(np.eye(6),) * 2, images=images)
+    return dc.replace(paper_model(), encoder=encoder)
+
+
+MODELS = {"delay": last_sample_model(), PAPER: paper_model(), "window": window_model()}
+EVERY = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 
 
 @given(st.lists(st.sampled_from(["good", "label", "state", "both", "huge"]), max_size=60))
 @settings(max_examples=20)
-@BOTH
+@EVERY
 def test_no_samples_make_the_forecast_unusable_or_change_a_memory(model, course):
     dut = NeuralPredictor(model)
     memory = dut.initial_memory()
@@ -121,14 +128,15 @@ def test_no_samples_make_the_forecast_unusable_or_change_a_memory(model, course)
 
 
 def test_what_flies_is_the_batch_solution_of_the_last_window():
-    """Ridge regression of the window as it stands, holes filled, though every sample was lifted
-    once and long ago.
+    """Ridge regression of the last forty samples, holes filled, though every sample was lifted once
+    and long ago.
     """
-    model, dut = paper_model(), predictor(paper_model())
-    memory = fed(dut, without(sequence(150), (60, 61, 130)))
-    window, prior = memory["window"], np.hstack([A, B]).T
-    z = model.encoder(window[:, :6])
-    X = np.vstack([np.hstack([z[:-1], window[:-1, 6:]]), np.eye(12)])  # ridge 1, zeta unscaled
+    dut, samples = NeuralPredictor(paper_model()), sequence(150)
+    memory = fed(dut, without(samples, (60, 61, 130)))
+    z, zeta = memory["rows"][:, :6], memory["rows"][:, 6:]  # zeta unscaled
+    np.testing.assert_allclose(z, [sample.chi for sample in samples[-40:]], atol=1e-9)
+    np.testing.assert_array_equal(zeta, [sample.x[7:] for sample in samples[-40:]])
+    X, prior = np.vstack([np.hstack([z[:-1], zeta[:-1]]), np.eye(12)]), np.hstack([A, B]).T
     expected = np.linalg.lstsq(X, np.vstack([z[1:], prior]), rcond=None)[0].T
     np.testing.assert_allclose(np.hstack([memory["A"], memory["B"]]), expected, atol=1e-10)
     np.testing.assert_allclose(memory["z"], z[-1], atol=1e-12)
@@ -137,7 +145,7 @@ def test_what_flies_is_the_batch_solution_of_the_last_window():
 @pytest.mark.parametrize("late", [1, 3])
 def test_a_label_that_is_late_gives_the_wrench_of_now(late):
     """Labels of an exact lifted linear system come late, one of them not at all."""
-    dut = predictor(dc.replace(paper_model(), window=40 + late, late=late))
+    dut = NeuralPredictor(dc.replace(paper_model(), late=late))
     now = sequence(60)
     late_ones = [dc.replace(s, chi=now[max(k - late, 0)].chi) for k, s in enumerate(now)]
     memory = fed(dut, without(late_ones, (55,)))

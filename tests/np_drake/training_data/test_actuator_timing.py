@@ -8,9 +8,9 @@ import pytest
 from np_drake import labels, rigid_body
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.training.train import make_config
+from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.residual_models.predictor_training import train_on_flights
-from np_drake.trained_model import rotor_lag_of
-from np_drake.training_data.actuator_timing import delayed, learned_rotor_lag, learned_timing
+from np_drake.training_data.actuator_timing import delayed, learned_timing
 from np_drake.training_data.segments import Flight
 from np_drake.vehicle import Vehicle
 
@@ -41,10 +41,15 @@ def set_accelerations(log: FlightLog, commanded: FlightLog, lag: float, chi=np.z
     log.a, log.al = rate[:, 7:10].copy(), rate[:, 10:13].copy()
 
 
-def test_a_predictor_carries_the_lag_of_the_rotors_it_was_trained_on():
-    config = make_config("paper", epochs=1)
-    model = train_on_flights([Flight(flight(0.03, noise=0.1), Vehicle())], config, step=STEP).model
-    assert rotor_lag_of(model) == pytest.approx(0.03, abs=0.003)  # [s]
+@pytest.mark.parametrize(
+    ("name", "label", "delay"),
+    [("paper", labels.default_labels(Vehicle()), None), ("neural-window", labels.RAW, 0)],
+)
+def test_a_predictor_knows_how_its_labels_were_made(name, label, delay):
+    config, flights = make_config(name, epochs=1), [Flight(flight(0.03, noise=0.1), Vehicle())]
+    dut = NeuralPredictor(train_on_flights(flights, config, step=STEP).model)
+    assert dut.rotor_lag == pytest.approx(0.03, abs=0.003)  # [s]
+    assert (dut.label, dut.delay) == (label, delay)
 
 
 def test_a_command_whose_lag_would_have_no_end_tells_none():
@@ -52,13 +57,13 @@ def test_a_command_whose_lag_would_have_no_end_tells_none():
     wave = np.sin(6.0 * log.t)
     log.u = np.column_stack([20.0 + wave, 0.1 * wave, 0.1 * wave, np.zeros(len(log))])
     set_accelerations(log, log, 0.5)  # far beyond the longest that is looked for
-    assert learned_rotor_lag([(log, Vehicle())]) == 0.0
+    assert learned_timing([(log, Vehicle())], [0.0])[0] == 0.0
 
 
 def test_a_lag_of_the_vehicle_file_and_measured_rotors_are_believed():
     named = Vehicle(rotor_time_constant=0.02)
     measured = dc.replace(flight(0.03), input="rotor_speed")
-    assert learned_rotor_lag([(flight(0.03), named), (measured, Vehicle())]) == 0.0
+    assert learned_timing([(flight(0.03), named), (measured, Vehicle())], [0.0])[0] == 0.0
     assert learned_timing([(measured, Vehicle())], [0.0, 0.02]) == (0.0, 0.0)
 
 

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from np_drake.lifting.model.lifted_linear_system import (
-    DelayTaps,
+    Encoder,
     LiftedLinearSystem,
+    Taps,
     Trust,
     advance,
     stabilized,
@@ -59,7 +60,7 @@ def test_what_is_stable_stays_as_it_is():
     assert stabilized(A, 0.95 + 1e-8) is A
 
 
-TAPS = DelayTaps(delay=30, dense=5, averages=4)
+TAPS = Taps.averaging(delay=30, dense=5, averages=4)
 
 
 def test_taps_are_the_newest_samples_and_averages_of_all_older_ones():
@@ -72,11 +73,45 @@ def test_taps_are_the_newest_samples_and_averages_of_all_older_ones():
 
 def test_features_and_expanded_weights_see_the_same_samples():
     generator = np.random.default_rng(0)
-    samples, W = generator.standard_normal((60, 12)), generator.standard_normal((3, 9 * 12))
-    origins = np.array([29, 40, 59])
-    windows = np.stack([samples[k - 29 : k + 1].ravel() for k in origins])
-    expected = windows @ TAPS.expand(W, 12).T
-    np.testing.assert_allclose(TAPS.features(samples, origins) @ W.T, expected, atol=1e-12)
+    windows, W = generator.standard_normal((5, 30, 12)), generator.standard_normal((3, 9 * 12))
+    expected = windows.reshape(5, -1) @ TAPS.expand(W, 12).T
+    np.testing.assert_allclose(TAPS.features(windows) @ W.T, expected, atol=1e-12)
+
+
+def test_samples_at_lags_are_those_samples():
+    samples = np.random.default_rng(0).standard_normal((40, 12))
+    windows = np.stack([samples[k - 8 : k + 1] for k in (20, 39)])
+    found = Taps.at_lags((0, 3, 8)).features(windows)
+    np.testing.assert_array_equal(found, [samples[[k, k - 3, k - 8]].ravel() for k in (20, 39)])
+
+
+# Two lifted states of a plane each, under a quarter turn, a mirror and both
+QUARTER, MIRROR = np.array([[0.0, -1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
+IMAGES = np.array([np.linalg.matrix_power(QUARTER, n) for n in range(4)])
+IMAGES = np.concatenate([IMAGES, IMAGES @ MIRROR])
+
+
+def test_the_mean_over_turns_and_mirrors_turns_as_eta_does():
+    generator = np.random.default_rng(0)
+    E, weights = np.eye(2, 12), (generator.normal(size=(9, 2)), generator.normal(size=(2, 9)))
+    dut, plain = Encoder(E, weights, images=IMAGES), Encoder(E, weights)
+    window = generator.normal(size=(50, 1, 12))
+    for image in IMAGES:
+        turned = window.copy()
+        turned[..., :2] = window[..., :2] @ image
+        np.testing.assert_allclose(dut(turned), dut(window) @ image, atol=1e-12)
+    images = [plain(window @ np.pad(image, (0, 10))) @ image.T for image in IMAGES]
+    np.testing.assert_allclose(dut(window), np.mean(images, axis=0), atol=1e-12)
+
+
+def test_a_network_stands_beside_the_linear_map_or_in_its_place():
+    """|x| = relu(x) + relu(-x), of the oldest chi."""
+    E, weights = np.eye(1, 24), (np.array([[1.0], [-1.0]]), np.array([[1.0, 1.0]]))
+    window = np.zeros((3, 2, 12))
+    window[:, 0, 0] = x = np.array([2.0, -3.0, 0.0])
+    np.testing.assert_array_equal(Encoder(E, weights, skip=False)(window)[:, 0], np.abs(x))
+    np.testing.assert_array_equal(Encoder(E, weights)(window)[:, 0], x + np.abs(x))
+    np.testing.assert_array_equal(Encoder(E, offset=np.array([0.5]))(window)[:, 0], x + 0.5)
 
 
 HORIZONS = np.array([1, 2, 5, 10, 20])

@@ -9,15 +9,18 @@ import pytest
 import torch
 from safetensors.numpy import load_file, save_file
 
-from np_drake.lifting.model.lifted_linear_system import DelayEncoder, LiftedLinearSystem, Phi
+from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import (
+    CONFIGURATIONS,
     MODE_DICTIONARY,
+    NEURAL_WINDOW,
     PAPER,
     SCHEMA,
     LiftedModel,
     load_model,
     save_model,
 )
+from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.trained_model import require_origin, rotor_lag_of
 
 
@@ -25,20 +28,23 @@ def model(configuration: str) -> LiftedModel:
     generator = np.random.default_rng(0)
     A, B, C = 0.5 * np.eye(4), generator.standard_normal((4, 6)), generator.standard_normal((6, 4))
     scale = generator.uniform(0.5, 2.0, 6)
-    encoder = DelayEncoder(generator.standard_normal((4, 60)), 5)
-    if configuration == PAPER:
-        layers = generator.standard_normal((7, 6)), generator.standard_normal((4, 7))
-        encoder = Phi(layers, scale)
+    E, layers = generator.standard_normal((4, 60)), [generator.standard_normal((7, 4))]
+    layers.append(generator.standard_normal((4, 7)))
+    encoder = {
+        PAPER: Encoder(E, tuple(layers), skip=False),
+        NEURAL_WINDOW: Encoder(E, tuple(layers), images=generator.standard_normal((8, 4, 4))),
+        MODE_DICTIONARY: Encoder(E, offset=np.ones(4)),
+    }[configuration]
     system, summary = LiftedLinearSystem(A, B, C, 0.02), {"samples": 7}
-    return LiftedModel(configuration, system, encoder, 5, scale, scale, summary, 0.5, late=2)
+    return LiftedModel(configuration, system, encoder, scale, summary, 5, 0.5, late=2)
 
 
 def rewrite(path: Path, change) -> None:
     """Tensors and header of a good file, changed by `change(tensors, header, metadata)`."""
     tensors = load_file(path)
     metadata = {"schema": SCHEMA, "model": ""}
-    header = {"configuration": MODE_DICTIONARY, "step": 0.02, "window": 5}
-    header |= {"ridge": 0.0, "summary": {}}
+    header = {"configuration": MODE_DICTIONARY, "step": 0.02, "refit": 5}
+    header |= {"ridge": 0.5, "late": 2, "summary": {}}
     change(tensors, header, metadata)
     save_file(tensors, path, {**metadata, "model": json.dumps(header)})
 
@@ -57,19 +63,17 @@ def test_equal_models_are_equal_files(tmp_path):
     assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1
 
 
-@pytest.mark.parametrize("configuration", [PAPER, MODE_DICTIONARY])
+@pytest.mark.parametrize("configuration", CONFIGURATIONS)
 def test_what_is_read_is_what_was_written(configuration, tmp_path):
     saved = model(configuration)
     save_model(saved, tmp_path / "m.safetensors")
     read = load_model(tmp_path / "m.safetensors")
-    for name in ("configuration", "window", "summary", "ridge", "late", "step"):
+    for name in ("configuration", "window", "summary", "refit", "ridge", "late", "step"):
         assert getattr(read, name) == getattr(saved, name)
     for name in "ABC":
         np.testing.assert_array_equal(getattr(read.system, name), getattr(saved.system, name))
-    found, expected = read.encoder.tensors(), saved.encoder.tensors()
-    assert found.keys() == expected.keys()
-    for name, array in expected.items():
-        np.testing.assert_array_equal(found[name], array)
+    window = np.random.default_rng(1).standard_normal((3, 5, 12))
+    np.testing.assert_array_equal(read.encoder(window), saved.encoder(window))
 
 
 def test_pickles_are_never_loaded(tmp_path):
@@ -88,13 +92,20 @@ FAULTS = {
     "schema must be": lambda t, h, m: m.update(schema="np_drake.lifted_model/0"),
     "lacks 'E'": lambda t, h, m: t.pop("E"),
     "lacks 'step'": lambda t, h, m: h.pop("step"),
-    r"must be paper \| mode-dictionary": lambda t, h, m: h.update(configuration="theirs"),
-    "lacks the layers of Phi": lambda t, h, m: h.update(configuration=PAPER),
+    r"must be paper \| neural-window \| mode": lambda t, h, m: h.update(configuration="theirs"),
+    "each layer must take the 4": lambda t, h, m: t.update(W0=np.zeros((4, 5))),
+    "as many outputs as E, 4": lambda t, h, m: t.update(W0=np.zeros((3, 4))),
+    r"images must be \(G, 4, 4\)": lambda t, h, m: t.update(images=np.zeros((8, 4, 3))),
+    r"offset must be \(4,\)": lambda t, h, m: t.update(offset=np.zeros(3)),
+    "positive ridge; got 5, 0": lambda t, h, m: h.update(ridge=0.0),
+    "force_bandwidth must be positive": lambda t, h, m: h.update(
+        summary={"origin": {"label": {"force_bandwidth": -1}}}
+    ),
     "must hold finite": lambda t, h, m: t.update(B=np.full((4, 6), np.nan)),
     "must hold finite floating": lambda t, h, m: t.update(B=np.zeros((4, 6), int)),
     r"A, B, C must be \(K, K\)": lambda t, h, m: t.update(B=np.zeros((3, 6))),
-    r"E must be \(K, 48\)": lambda t, h, m: t.update(E=np.zeros((4, 59))),
-    "agree on K": lambda t, h, m: t.update(E=np.zeros((3, 60))),
+    r"E must be \(F, 12 D\)": lambda t, h, m: t.update(E=np.zeros((4, 59))),
+    "agree on K": lambda t, h, m: t.update(E=np.zeros((3, 60)), offset=np.ones(3)),
     "A must be stable": lambda t, h, m: t.update(A=1.1 * np.eye(4)),
     "zeta_scale must be six positive": lambda t, h, m: t.update(zeta_scale=np.zeros(6)),
     "step must be a number from": lambda t, h, m: h.update(step=-1.0),
@@ -112,12 +123,15 @@ def test_every_fault_has_its_line(path, message):
 
 @pytest.mark.parametrize("junk", [None, "x", float("inf"), float("nan"), -1, 1e300, [1], True])
 @pytest.mark.parametrize(
-    "field", ["window", "step", "summary", "origin", "rotor_lag", "ridge", "late", "configuration"]
+    "field",
+    ["refit", "step", "summary", "origin", "rotor_lag", "command_delay", "ridge", "late", "label"],
 )
 def test_no_value_of_the_header_is_more_than_a_refusal(path, field, junk):
     def change(tensors, header, metadata):
-        where = header["summary"] if field in ("origin", "rotor_lag") else header
+        where = header["summary"] if field in ("origin", "rotor_lag", "command_delay") else header
         where[field] = junk
+        if field == "label":
+            header["summary"]["origin"] = {"label": junk, "mass": 1.0}
 
     rewrite(path, change)
     try:
@@ -127,3 +141,4 @@ def test_no_value_of_the_header_is_more_than_a_refusal(path, field, junk):
         return
     require_origin(dut, {"frame": "world"})
     assert 0 <= rotor_lag_of(dut) < 10  # [s]
+    assert NeuralPredictor(dut).label.check()

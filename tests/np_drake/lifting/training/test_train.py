@@ -8,6 +8,7 @@ import pytest
 from np_drake.lifting.model.lifted_linear_system import advance
 from np_drake.lifting.training import paper_training
 from np_drake.lifting.training.excitation import measure_excitation
+from np_drake.lifting.training.neural_window import NeuralWindowConfig
 from np_drake.lifting.training.paper_training import PaperConfig
 from np_drake.lifting.training.train import make_config, train
 from np_drake.training_data.segments import Segment, group_scale, white_noise
@@ -29,10 +30,11 @@ def test_the_seed_decides_and_progress_ascends_to_its_total(dithered):
     assert all(np.isfinite(loss) for _, _, loss in calls)
 
 
-def test_a_flight_that_shows_nothing_teaches_to_hold():
+@pytest.mark.parametrize("config", [PaperConfig(epochs=1), NeuralWindowConfig(epochs=10)])
+def test_a_flight_that_shows_nothing_teaches_to_hold(config):
     still = Segment(np.tile([0.0, 0.0, -2.5, 0.0, 0.0, 0.0], (300, 1)), np.zeros((300, 6)), 0.02)
-    model = train([still], PaperConfig(epochs=1)).model
-    s, z = model.system, model.encoder(still.chi[0])
+    model = train([still], config).model
+    s, z = model.system, model.encoder(np.hstack([still.chi, still.zeta])[: model.window])
     for steps in (0, 10, 40):
         later = s.C @ advance(z, s.A, s.B, np.ones((steps, 6)))
         assert later[2] == pytest.approx(-2.5, abs=0.1)  # [N]
@@ -43,7 +45,7 @@ def test_configurations_go_by_name_and_suit_their_axes():
     assert make_config("paper", epochs=3).epochs == 3
     assert not make_config("paper", frame="body").symmetric
     for arguments, match in (
-        ({"configuration": "theirs"}, r"paper \| mode-dictionary; got theirs"),
+        ({"configuration": "theirs"}, r"paper \| neural-window \| mode-dictionary; got theirs"),
         ({"configuration": "paper", "epocs": 3}, "has no setting epocs"),
         ({"configuration": "mode-dictionary"}, "these are in world axes"),
     ):
