@@ -3,8 +3,8 @@
 What the paper leaves open is settled as follows (docs/reference/predictor.md lists it with reasons
 and effects):
 - Phi takes [chi, zeta] at five times of the last 0.66 s in place of chi now: one instant of the
-  wrench does not show the phase of a swing. Its first layer starts at the directions of these
-  samples that foresee most.
+  wrench does not show the phase of a swing. (Arrays in body axes, without payload: one sample.)
+  Its first layer starts at the directions of these samples that foresee most.
 - The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is Bayesian
   regression about a prior A_0, B_0 shared by all windows: least squares over all of them, renewed
   every epoch, and in flight the offline model.
@@ -59,14 +59,18 @@ class PhiModule(nn.Module):
     either (own measurement).   Source: Jin et al. 2025, eq. (sn).
 
     Args:
-        start: (K, inputs) map that it is at first, up to a factor.
+        start: (k, inputs) map that its first k <= K outputs are at first, up to a factor.
+        K: outputs.
         gamma: [1].
     """
 
-    def __init__(self, *, start: np.ndarray, width: int, layers: int, gamma: float, seed: int):
+    def __init__(
+        self, *, start: np.ndarray, K: int, width: int, layers: int, gamma: float, seed: int
+    ):
         super().__init__()
         generator = torch.Generator().manual_seed(seed)
-        raw = _initial_weights(torch.from_numpy(start), width, layers, generator)
+        sizes = [start.shape[1], *[width] * layers, K]
+        raw = _initial_weights(torch.from_numpy(start), sizes, generator)
         self.raw = nn.ParameterList(map(nn.Parameter, raw))
         self._layer_gain = gamma ** (1.0 / len(self.raw))
 
@@ -111,18 +115,17 @@ def descend_once(optimiser: torch.optim.Optimizer, loss: torch.Tensor) -> None:
 
 
 def _initial_weights(
-    start: torch.Tensor, width: int, layers: int, generator: torch.Generator
+    start: torch.Tensor, sizes: list[int], generator: torch.Generator
 ) -> list[torch.Tensor]:
-    """Return layers whose first outputs carry y = `start` x (K, inputs) as relu(y) - relu(-y),
+    """Return layers whose first outputs carry y = `start` x (k, inputs) as relu(y) - relu(-y),
     beside random features.
 
     So training need not find first what foresees. Own choice: one step ahead on a real flight the
     error is 0.8 of persistence's this way, and 8 times it from a plain random start.
     """
-    K = len(start)
-    sizes = [start.shape[1], *[width] * layers, K]
-    signs = torch.cat([torch.eye(K), -torch.eye(K)]).to(start)
-    carriers = [signs @ start, *[torch.eye(2 * K).to(start)] * (layers - 1), signs.T]
+    eye = torch.eye(len(start), dtype=start.dtype)
+    signs, between = torch.cat([eye, -eye]), torch.eye(2 * len(start), dtype=start.dtype)
+    carriers = [signs @ start, *[between] * (len(sizes) - 3), signs.T]
     weights = []
     for (inputs, outputs), carrier in zip(itertools.pairwise(sizes), carriers, strict=True):
         raw = torch.randn(outputs, inputs, generator=generator, dtype=start.dtype)
@@ -223,6 +226,7 @@ class PaperConfig:
     """Parameters of the `paper` configuration: Phi of five samples, A and B refit on a window."""
 
     size: int = 24  # K [1]
+    lags: tuple[int, ...] = LAGS  # of the samples that Phi sees [samples]
     width: int = 128  # neurons of a hidden layer [1]
     layers: int = 2  # hidden layers, L [1]
     gamma: float = 1.0  # Lipschitz constant of Phi in scaled coordinates [1]
@@ -248,7 +252,8 @@ class PaperTrainer:
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
         self.config, self.late = config, max((segment.late for segment in segments), default=0)
-        segments = check_segments(segments, config.window + LAGS[-1] + self.late)
+        before = config.lags[-1]  # samples that Phi sees before a window
+        segments = check_segments(segments, config.window + before + self.late)
         segments = [segment.in_time for segment in segments]
         self.step = float(np.median([segment.step for segment in segments]))
         self.samples = sum(map(len, segments))
@@ -262,12 +267,13 @@ class PaperTrainer:
             self.excitation.shrink.T * self.zeta_scale[:, None] / self.zeta_scale
         )
         windows = _windows(segments, config) / np.concatenate(scales)
-        late = windows[:, LAGS[-1] :]
-        lagged = [windows[:, LAGS[-1] - lag : windows.shape[1] - lag] for lag in LAGS]
+        late = windows[:, before:]
+        lagged = [windows[:, before - lag : windows.shape[1] - lag] for lag in config.lags]
         self._samples = torch.from_numpy(np.concatenate(lagged, axis=-1))
         self._chi, self._zeta = torch.from_numpy(late[..., :6]), torch.from_numpy(late[..., 6:])
         self.phi = PhiModule(
             start=_start(lagged, config.size),
+            K=config.size,
             width=config.width,
             layers=config.layers,
             gamma=config.gamma,
@@ -302,7 +308,7 @@ class PaperTrainer:
         """Return beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of a batch of windows.
 
         Args:
-            samples: (b, W, 60) that Phi sees, scaled.
+            samples: (b, W, inputs) that Phi sees, scaled.
             chi: (b, W, 6), scaled.
             zeta: (b, W, 6), scaled.
         """
@@ -322,8 +328,9 @@ class PaperTrainer:
         with torch.no_grad():
             C = self._best_readout(self.phi(self._samples)).numpy() * self.chi_scale[:, None]
         system = LiftedLinearSystem(A.numpy().T, B.numpy().T / self.zeta_scale, C, self.step)
-        scale = np.tile(np.concatenate([self.chi_scale, self.zeta_scale]), len(LAGS))
-        picked = Taps.at_lags(LAGS).expand(np.diag(1.0 / scale), 12)
+        lags = self.config.lags
+        scale = np.tile(np.concatenate([self.chi_scale, self.zeta_scale]), len(lags))
+        picked = Taps.at_lags(lags).expand(np.diag(1.0 / scale), 12)
         summary = {
             "samples": self.samples,
             "epochs": self.epoch,
@@ -391,8 +398,8 @@ def train_paper(
 
 
 def _windows(segments: list[Segment], config: PaperConfig) -> np.ndarray:
-    """Return [chi, zeta] of all windows and the samples that Phi sees before, (b, 32 + W, 12)."""
-    length = config.window + LAGS[-1]
+    """Return [chi, zeta] of all windows and the samples that Phi sees before, (b, n, 12)."""
+    length = config.window + config.lags[-1]
     starts = [
         (np.hstack([segment.chi, segment.zeta]), k)
         for segment in segments
@@ -411,7 +418,7 @@ IMAGES = np.kron(np.eye(2), np.array(turns(np.eye(6))))  # (8, 12, 12) of rows [
 
 def _start(lagged: list[np.ndarray], count: int) -> np.ndarray:
     """Return orthonormal directions of the samples of windows (b, W, 12) at each lag that foresee
-    most of the rest of the window, (count, 60).
+    most of the rest of the window, (count, inputs); all of them where there are fewer.
     """
     past, now = np.concatenate([one[:, 0] for one in lagged], axis=-1), lagged[0]
     drive, future = now[:, :-1, 6:], now[:, 1:, :6]

@@ -22,7 +22,7 @@ CONFIGURATIONS: dict[str, Config] = {
 }
 # Settings for arrays of real flights, sampled every 2.5 ms: window and taps of `mode-dictionary`
 IN_BODY_AXES: dict[str, dict[str, Any]] = {
-    PAPER: {"symmetric": False},
+    PAPER: {"symmetric": False, "lags": (0,)},
     NEURAL_WINDOW: {
         **{"delay": 87, "dense": 12, "averages": 11},
         **{"horizon": 100, "yaw": 4, "refit": 0},

@@ -34,7 +34,7 @@ CONFIG = PaperConfig(epochs=2, spacing=20)
 def phi_module(seed: int = 0, gamma: float = 1.0, shake: float = 0.3) -> PhiModule:
     """Away from its initial weights, as after training."""
     start = np.linalg.qr(np.random.default_rng(seed).standard_normal((20, 8)))[0].T
-    dut = PhiModule(start=start, width=24, layers=2, gamma=gamma, seed=seed)
+    dut = PhiModule(start=start, K=8, width=24, layers=2, gamma=gamma, seed=seed)
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for raw in dut.raw:
