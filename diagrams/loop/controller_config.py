@@ -37,7 +37,6 @@ class ControllerConfig:
     parameters: dict[str, float] = dc.field(default_factory=dict)  # of one's own, by name
     vehicle: Vehicle | None = None  # that controller and estimator assume; None: the one that flies
     extra_mass: float = number(0.0, "kg", 0)  # that they add to its mass
-    hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
     predictor: str = (
         ""  # model file of a learned kind; np, payload_filter: empty for the packaged one
     )
@@ -71,10 +70,7 @@ class ControllerConfig:
         )
         require_solver(self.solver)
         check_fields(self, "controller")
-        require(
-            self.deadline > 0 and self.hold_bandwidth > 0,
-            "controller: deadline [s] and hold_bandwidth [Hz] must be positive.",
-        )
+        require(self.deadline > 0, "controller: deadline must be positive [s].")
         require(
             0 <= self.command_delay <= LONGEST_DELAY * self.period,
             f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, "

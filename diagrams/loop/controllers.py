@@ -305,7 +305,7 @@ def kind_of_model(path: str) -> str:
 
 
 def _hold(config: ControllerConfig, vehicle: Vehicle) -> Hold:
-    return Hold(step=config.period, bandwidth=config.hold_bandwidth)
+    return Hold(step=config.period)
 
 
 def _observer(config: ControllerConfig, vehicle: Vehicle) -> DisturbanceObserver:

@@ -32,7 +32,6 @@ FLIGHT: dict[str, Any] = {
     },
     "controller": {
         "period": CLOCK,
-        "hold_bandwidth": PER_CLOCK,
         "command_delay": TIME,
         "label": dict.fromkeys(("force_bandwidth", "torque_bandwidth"), PER_CLOCK),
         "mpc": {  # a cost has no unit: a weight is the inverse square of what it weighs

@@ -41,7 +41,6 @@ class Row:
     name: str  # of the row
     kind: str
     known_mass: bool = False
-    hold_bandwidth: float = float("inf")  # of kind hold [Hz]
     training: str = ""  # experiment that the predictor is trained on
     configuration: str = ""  # of the predictor; gp, knode: their own name
     weight_swing: float = 0.0  # of the controller on the predicted swing [1/N²]
@@ -88,7 +87,6 @@ def configure(
     controller = config.controller
     controller.kind, controller.solver = row.kind, solver
     controller.predictor = model if row.kind in LEARNED else ""
-    controller.hold_bandwidth = row.hold_bandwidth
     controller.mpc.weight_swing = row.weight_swing
     if row.weight_rate is not None:
         controller.mpc.weight_rate = [row.weight_rate] * 3

@@ -62,20 +62,13 @@ PACKAGED = "neural-window"  # configuration of the row `np`, and of the packaged
 DRAWN = ("nominal", "gp", "knode", "np")  # rows of the figure, the paper's controllers
 ROWS = (
     Row("nominal", "nominal"),
-    Row("nominal + total mass", "nominal", known_mass=True),
     Row("observer", "observer"),
-    Row("observer + total mass", "observer", known_mass=True),
     Row("hold", "hold"),
     Row("hold + total mass", "hold", known_mass=True),
-    Row("hold at 1 Hz + total mass", "hold", known_mass=True, hold_bandwidth=1.0),
     Row("gp: plain circle", "gp", training=PLAIN, configuration=GP),
     Row("gp", "gp", training=DITHERED, configuration=GP),
     Row("knode: plain circle", "knode", training=PLAIN, configuration=KNODE),
     Row("knode", "knode", training=DITHERED, configuration=KNODE),
-    Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
-    Row(
-        "payload_filter: plain circle", PAYLOAD_FILTER, training=PLAIN, configuration=PAYLOAD_FILTER
-    ),
     Row("np: paper", "np", training=DITHERED, configuration="paper"),
     Row("np", "np", training=DITHERED, configuration=PACKAGED),
     Row("payload_filter", PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),
@@ -239,7 +232,7 @@ def printed(lines: list[dict], title: str) -> Table:
 
 def _published(line: dict) -> tuple[float, ...]:
     """Return the errors of this controller in the paper [m]; empty where it has none."""
-    kinds = {row.name: row.kind for row in ROWS if not row.known_mass}
+    kinds = {row.name: row.kind for row in ROWS}
     return PAPER.get(kinds.get(line["row"], ""), {}).get(line["track"], ())
 
 
@@ -258,8 +251,6 @@ NP, FILTER = named(ROWS, "np"), named(ROWS, "payload_filter")
 AS_IN_THE_PAPER = named(ROWS, "np: paper")
 HOVER_ROWS = (
     *(named(ROWS, name) for name in ("nominal", "hold")),
-    # Slower than the swing (0.56 Hz): the level is compensated and most of the swing is not.
-    Row("hold at 0.3 Hz", "hold", hold_bandwidth=0.3),
     *(named(ROWS, name) for name in ("gp", "knode")),
     AS_IN_THE_PAPER,
     NP,

@@ -1,4 +1,4 @@
-"""Baselines without training: a constant wrench, the last low-passed label held, and a disturbance
+"""Baselines without training: a constant wrench, the last label held, and a disturbance
 observer.
 """
 
@@ -35,30 +35,24 @@ class Constant:
 
 
 class Hold:
-    """Residual model chi_i = low-pass(label) for all i; a sample without a label leaves the last
-    one.
+    """Residual model chi_i = label for all i; a sample without a label leaves the last one.
 
     Args:
         step: time between samples [s].
-        bandwidth: of a first-order low-pass on top of the label's own [Hz]; infinite: none.
     """
 
     name = "hold"
 
-    def __init__(self, *, step: float, bandwidth: float = np.inf):
+    def __init__(self, *, step: float):
         self.step = step
-        self._gain = 1.0 - np.exp(-2 * np.pi * bandwidth * step)
 
     def initial_memory(self) -> Memory:
-        """Return the memory before any sample: chi (6,) [N, N·m] and started (1,)."""
-        return {"chi": np.zeros(6), "started": np.zeros(1)}
+        """Return the memory before any sample: chi (6,) [N, N·m]."""
+        return {"chi": np.zeros(6)}
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """Return the memory after one more sample; a label with NaN leaves it as it is."""
-        if not np.all(np.isfinite(sample.chi)):
-            return memory
-        gain = self._gain if memory["started"][0] else 1.0
-        return {"chi": memory["chi"] + gain * (sample.chi - memory["chi"]), "started": np.ones(1)}
+        return {"chi": sample.chi.copy()} if np.all(np.isfinite(sample.chi)) else memory
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the held wrench."""

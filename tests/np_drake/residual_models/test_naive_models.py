@@ -23,11 +23,9 @@ def labels(*rows):
     return [Sample(LEVEL, np.zeros(4), chi) for chi in rows]
 
 
-def test_hold_with_a_bandwidth_rises_by_63_percent_in_one_time_constant():
-    bandwidth = 1 / (2 * np.pi * 0.2)
-    dut = Hold(step=STEP, bandwidth=bandwidth)
-    memory = fed(dut, labels(np.zeros(6), *[CHI] * 10))
-    np.testing.assert_allclose(memory["chi"], (1 - np.exp(-1)) * CHI, rtol=1e-9)
+def test_hold_keeps_the_last_label():
+    memory = fed(Hold(step=STEP), labels(np.ones(6), CHI, np.full(6, np.nan)))
+    np.testing.assert_array_equal(memory["chi"], CHI)
 
 
 @pytest.mark.parametrize("command", [1.0, np.nan])
