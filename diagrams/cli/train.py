@@ -28,7 +28,6 @@ from diagrams.cli.verb import (
 )
 from diagrams.loop.controller_config import FILTER_MODEL
 from diagrams.loop.experiments import training_flight
-from diagrams.studies.options import tabulate
 from np_drake.files.figure_file import new_figure, save
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
@@ -43,7 +42,7 @@ from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wre
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMA, PayloadFilterModel
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
 from np_drake.residual_models.motion_model import KNODE, REACTIONS
-from np_drake.skill.skill import Model, diverged, flight_stability, score_flights
+from np_drake.skill.skill import Model, diverged, score_flights
 from np_drake.trained_model import rotor_lag_of, schema_of
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.segments import Flight, WrenchSequence, require_motion, require_torque
@@ -332,21 +331,13 @@ def evaluate(
     for zeta in MOTIONS:
         with run.counting(f"scoring, coming motion {zeta}") as on_flight:
             rows += score_flights(model, tests, steps, zeta=zeta, on_flight=on_flight)
-    windows = flight_stability(model, tests)
-    said = tabulate(
-        "stability of the forecasts; spectral radius above 1: unstable",
-        windows,
-        [(key, key) for key in ("model", "flight", "windows", "unstable", "largest")],
-    )
-    lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
+    lost = diverged(rows)
     return Report(
-        [*(t for zeta in MOTIONS for t in tables(rows, zeta)), said],
+        [t for zeta in MOTIONS for t in tables(rows, zeta)],
         config={"configuration": model.configuration, "horizons": steps, "step": model.step},
-        metrics={"rows": rows, "stability": windows},
+        metrics={"rows": rows},
         warnings=noted(read_from(tests)),
-        failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
-        if lost
-        else None,
+        failure=FailedRun(f"a forecast diverged on {', '.join(lost)}.") if lost else None,
     )
 
 

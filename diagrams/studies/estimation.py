@@ -17,15 +17,14 @@ import pandas as pd
 
 from diagrams.batch.run import Case, Report, Run, every_result, require
 from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, required, tabulate
-from np_drake.files.figure_file import Figure, Panel, panel_figure
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.logs.formats.neurobem import read_training, read_wrenches, table_files
 from np_drake.residual_models.flight_forecasts import model_predictions
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.skill import naive_predictions, walked_stability
-from np_drake.training_data.segments import Segment, of_wrenches
+from np_drake.skill.skill import naive_predictions
+from np_drake.training_data.segments import Segment
 
 CHANNELS = {  # of chi, in each column
     **{"F_x": [0], "F_y": [1], "F_z": [2], "tau_x": [3], "tau_y": [4], "tau_z": [5]},
@@ -44,8 +43,6 @@ ROWS = ("NeuroBEM", "NeuroMHE", "NP", *OWN)  # in the order of the table
 KEYS = {"paper": "NP", "ours": OURS[MODE_DICTIONARY], "ours_paper": OURS[PAPER]}  # of `--json`: row
 KEYS |= {name: name for name in ("NeuroMHE", "NeuroBEM", *NAIVE)}
 LEARNED = 4000  # samples that are trained on, ten seconds as in the paper [1]
-SHOWN, SPAN = "random points", (45.0, 55.0)  # the flight and the time that the paper shows [s]
-FAR = 40  # steps ahead of the figure's forecast [1]
 
 
 def column_rmse(error: np.ndarray) -> dict[str, float]:
@@ -104,14 +101,11 @@ def flight_errors(
     case: Case, *, models: Mapping[str, LiftedModel], flown: Mapping[str, Segment], first: int
 ) -> dict:
     """Return of a case {"flight", "model": configuration} the errors by column of forecasts one
-    step ahead, from every origin of the flight from the first on, and the stability of its windows.
+    step ahead, from every origin of the flight from the first on.
     """
     flight, model = flown[case["flight"]], models[case["model"]]
     origins = np.arange(first, len(flight.chi) - 1)
-    errors = column_rmse(forecasts(model, flight, origins, 1)[:, 0] - flight.chi[origins + 1])
-    seen = of_wrenches(flight.chi, flight.zeta, flight.step)
-    stability = walked_stability(NeuralPredictor(model), seen, model.window - 1)
-    return {"errors": errors, "stability": dc.asdict(stability)}
+    return column_rmse(forecasts(model, flight, origins, 1)[:, 0] - flight.chi[origins + 1])
 
 
 Cells = dict[str, dict[str, dict[str, float]]]  # flight -> row -> column -> RMSE [N, N·m]
@@ -119,9 +113,9 @@ Cells = dict[str, dict[str, dict[str, float]]]  # flight -> row -> column -> RMS
 
 def estimation_table(
     run: Run, models: Mapping[str, LiftedModel], flown: Mapping[str, Segment], config: dict
-) -> tuple[Cells, dict[str, dict[str, dict]]]:
+) -> Cells:
     """Return the errors of every flight, row and column, over every origin from where all models
-    forecast on, and the stability of windows by configuration and flight.
+    forecast on.
 
     Args:
         config: what the models depend on, as of `Workers.run`.
@@ -132,7 +126,6 @@ def estimation_table(
     work = partial(flight_errors, models=models, flown=flown, first=first)
     results = every_result(run.cases("every origin", "", work, cases, config=config))
     cells: Cells = {}
-    stability: dict[str, dict[str, dict]] = {name: {} for name in models}
     for flight, segment in flown.items():
         origins = np.arange(first, len(segment.chi) - 1)
         naive = naive_predictions(segment.chi, origins, [1], np.zeros(6))
@@ -141,10 +134,9 @@ def estimation_table(
             rows[name] = column_rmse(naive[name][:, 0] - segment.chi[origins + 1])
         for case, result in zip(cases, results, strict=True):
             if case["flight"] == flight:
-                rows[OURS[case["model"]]] = result["errors"]
-                stability[case["model"]][flight] = result["stability"]
+                rows[OURS[case["model"]]] = result
         cells[flight] = {name: rows[name] for name in ROWS if name in rows}
-    return cells, stability
+    return cells
 
 
 def ratios(cells: Cells, row: str) -> np.ndarray:
@@ -154,12 +146,10 @@ def ratios(cells: Cells, row: str) -> np.ndarray:
 
 
 def run(run: Run, neurobem: Neurobem = None) -> Report:
-    """The paper's table, one step ahead. On all real flights in DIR; --out DIR: ten seconds as a
-    figure.
-    """
+    """The paper's table, one step ahead. On all real flights in DIR."""
     training, tests = flights(required("estimation", neurobem, NEUROBEM_FLIGHTS))
     models, settings = trained(run, training)
-    cells, stability = estimation_table(run, models, tests, settings)
+    cells = estimation_table(run, models, tests, settings)
     below = {row: int((ratios(cells, row) <= 1.0).sum()) for row in OWN}
     shown: list[tuple] = []
     for flight, rows in cells.items():
@@ -179,7 +169,7 @@ def run(run: Run, neurobem: Neurobem = None) -> Report:
     return Report(
         [(title, ["", *COLUMNS], shown)],
         config={"training": "training segment", **settings},
-        metrics={"table": lines, "at_or_below_the_paper": below, "stability": stability},
+        metrics={"table": lines, "at_or_below_the_paper": below},
         lines=[
             f"seed {run.seed}, trained on the training segment; every origin.",
             *(
@@ -187,28 +177,7 @@ def run(run: Run, neurobem: Neurobem = None) -> Report:
                 for row, n in below.items()
             ),
         ],
-        figures={
-            f"{name.replace(' ', '_')}.png": partial(window_figure, models, flight)
-            for name, flight in tests.items()
-            if name == SHOWN and flight.step * len(flight) > SPAN[1]
-        },
     )
-
-
-def window_figure(models: Mapping[str, LiftedModel], flight: Segment) -> Figure:
-    """Plot the six channels of label and forecasts over `SPAN`; each forecast `FAR` steps old."""
-    rows = np.arange(*np.rint(np.array(SPAN) / flight.step).astype(int))
-    found = naive_predictions(flight.chi, rows - FAR, [FAR], np.zeros(6))
-    for name, model in models.items():
-        found[OURS[name]] = forecasts(model, flight, rows - FAR, FAR)
-    t, label, panels = flight.step * rows, flight.chi[rows], []
-    for c, name in enumerate(COLUMNS[:6]):
-        reach = 1.5 * np.abs(label[:, c]).max()  # what shoots beyond would flatten all others
-        curves = {row: (t, found[row][:, 0, c]) for row in OWN if row in found}
-        axes = {"ylabel": f"{name} [{'N' if c < 3 else 'N·m'}]", "ylim": (-reach, reach)}
-        panels.append([Panel(curves, axes, {"label": (t, label[:, c])})])
-    title = f"{1e3 * FAR * flight.step:.3g} ms ahead; time [s]"
-    return panel_figure(panels, title, width=9.0, height=9.5, sharex=True)
 
 
 SIZES = (1000, 2000, 3000, 4000, 5000, 6000)  # samples, as far as the segment goes [1]

@@ -15,7 +15,6 @@ import pandas as pd
 from typer import Option
 
 from diagrams.batch.run import Case, Report, Run, Table, failures, require, require_result
-from diagrams.loop.controller_config import LEARNED
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, fly
@@ -53,7 +52,6 @@ NEAR, FLOOR = 2.0, 0.001  # near the oracle: at most NEAR times its E_xy [1] and
 # Rows of the tracking comparison that are flown.
 SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np", "payload_filter", ORACLE)
 ROWS = tuple(named(TRACKING_ROWS, name) for name in SHOWN)
-NAIVE = tuple(row.name for row in ROWS if row.kind not in (*LEARNED, ORACLE))  # learn nothing
 Setting = dict[str, float]  # value of every axis by name
 
 
@@ -217,9 +215,8 @@ def robustness_table(cells: Cells, axes: Sequence[Axis]) -> list[dict]:
 def grid_points(cells: Cells, settings: Sequence[Setting]) -> list[dict]:
     """Return one line a row and setting of the grid; without payload, one for all tethers.
 
-    Returns: {"row", "mass" [kg], "length" [m], "speed" [m/s], the summary, "over_oracle",
-        "over_naive": E_xy over that of the oracle and of the best naive row [1], None where either
-        is lost, "near": whether it is near the oracle, "grows": whether error or swing grows by
+    Returns: {"row", "mass" [kg], "length" [m], "speed" [m/s], the summary, "over_oracle":
+        E_xy over that of the oracle [1], None where either is lost, "near": whether it is near the oracle, "grows": whether error or swing grows by
         more than `GROWING`}.
     """
     lines = []
@@ -227,15 +224,13 @@ def grid_points(cells: Cells, settings: Sequence[Setting]) -> list[dict]:
         here = tuple(setting.values())
         found = {row: summary(cell) for (row, *at), cell in cells.items() if tuple(at) == here}
         errors = {row: line["E_xy"] for row, line in found.items()}
-        naive = [errors[row] for row in NAIVE if errors.get(row) is not None]
-        best, ideal = min(naive, default=None), errors.get(ORACLE)
+        ideal = errors.get(ORACLE)
         for row, line in found.items():
             own = errors[row]
             lines.append(
                 {"row": row, **{name: setting[name] for name in GRID}, **line}
                 | {
                     "over_oracle": None if own is None or ideal is None else own / ideal,
-                    "over_naive": None if own is None or best is None else own / best,
                     "near": ideal and own is not None and own <= NEAR * ideal + FLOOR,
                     "grows": any((line[key] or 0.0) > GROWING for key in GROWTHS),
                 }

@@ -1,6 +1,5 @@
 """Multi-step prediction error of residual models on one flight, beside naive predictors."""
 
-import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -14,7 +13,7 @@ from np_drake.logs.formats.neurobem import TESTS
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import ResidualModel
-from np_drake.residual_models.flight_forecasts import model_predictions, walk
+from np_drake.residual_models.flight_forecasts import model_predictions
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.trained_model import origin_of, require_origin
 from np_drake.training_data.segments import (
@@ -181,36 +180,6 @@ def ratio_interval(square: np.ndarray, reference: np.ndarray, horizons: list[int
     return out
 
 
-ROUNDING = 1e-9  # of a spectral radius [1]
-
-
-@dc.dataclass(frozen=True)
-class WindowStability:
-    """Counts of unstable windows of one flight."""
-
-    windows: int  # of the flight
-    unstable: int  # of these, with a spectral radius of A above 1
-    largest: float  # of all radii [1]
-
-
-def walked_stability(
-    model: ResidualModel, flight: SampledFlight, first: int = 0
-) -> WindowStability:
-    """Return the counts over every sample of a flight from the first on.
-
-    A pendulum without damping lies on the unit circle, so that rounding does not count.
-    """
-    A, radius, found = None, 0.0, []
-    for k, memory in walk(model, flight):
-        forecast = model.forecast(memory, horizon=1, stride=1)
-        if forecast.A is not A:
-            A = forecast.A
-            radius = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
-        found += [radius] if k >= first else []
-    unstable = sum(one > 1.0 + ROUNDING for one in found)
-    return WindowStability(len(found), unstable, max(found, default=0.0))
-
-
 WARM_UP = 40  # samples before the first origin, at least [1]
 Model = LiftedModel | PayloadFilterModel
 Predictor = NeuralPredictor | PayloadFilter
@@ -316,20 +285,6 @@ def _bounded(row: dict[str, Any]) -> bool:
     peaks = [row[f"{kind}_peak"] for kind in ("force", "torque")]
     finite = np.isfinite(row["force_rmse"]) and np.isfinite(row["torque_rmse"])
     return bool(finite and not any(peak > DIVERGED for peak in peaks))
-
-
-def flight_stability(model: Model, flights: Sequence[Flight]) -> list[dict[str, Any]]:
-    """Return the spectral radius of A in every window of every flight; see `WindowStability`.
-
-    Raises: ValueError: as `score_flights`.
-    """
-    lines, predictor = [], predictor_of(model)
-    for flight in flights:
-        _, seen = _longest_flown(flight, predictor)
-        found = walked_stability(predictor, seen, _first(model))
-        named = {"flight": flight_name(flight), "model": model.configuration}
-        lines.append({**named, **dc.asdict(found)})
-    return lines
 
 
 def _first(model: Model) -> int:

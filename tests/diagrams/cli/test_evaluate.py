@@ -45,11 +45,6 @@ def test_a_predictor_is_scored_beside_the_naive_rows(name, logs, models, tmp_pat
         naive = [r["force_skill"] for r in rows if r["horizon"] == horizon and r["model"] in NAIVE]
         assert min(naive) == pytest.approx(1.0)
     assert "force RMSE [N]" in captured.out
-    assert "stability of the forecasts" in captured.out
-    (line,) = json.loads(out.read_text())["stability"]
-    assert line["windows"] > 1000
-    assert line["unstable"] == 0
-    assert line["largest"] <= 1.0 + 1e-12
     assert max(map(len, captured.out.splitlines())) <= 100
 
 
@@ -80,7 +75,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, capsys,
     assert list(tmp_path.iterdir()) == [array]
 
 
-def test_an_unstable_model_fails(logs, monkeypatch, capsys):
+def test_a_forecast_that_diverges_fails(logs, monkeypatch, capsys):
     """A model file refuses such an A, so it comes from elsewhere: the verb says so and leaves with
     1.
     """
@@ -88,6 +83,6 @@ def test_an_unstable_model_fails(logs, monkeypatch, capsys):
     broken = LiftedModel(MODE_DICTIONARY, system, Encoder(np.eye(6, 12)))
     monkeypatch.setattr("diagrams.cli.train.schema_of", lambda path: MODE_DICTIONARY)
     monkeypatch.setattr("diagrams.cli.train.load_model", lambda path: broken)
-    assert run(["evaluate", str(logs[1]), "--horizons", "1"]) == 1
+    assert run(["evaluate", str(logs[1]), "--horizons", "40"]) == 1
     captured = capsys.readouterr()
     assert "a forecast diverged on test." in captured.err

@@ -1,40 +1,13 @@
 """Laws of the tables of skill, and of their intervals."""
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
 
-from np_drake.residual_model import WrenchForecast, constant_forecast
+from np_drake.residual_model import WrenchForecast
 from np_drake.residual_models.hold import Hold
-from np_drake.skill.skill import NAIVE, diverged, ratio_interval, skill_table, walked_stability
-from np_drake.training_data.segments import of_wrenches
+from np_drake.skill.skill import NAIVE, diverged, ratio_interval, skill_table
 
 STEP, HORIZONS = 0.02, [0, 1, 3, 7]
-
-
-class Growing:
-    """A has the number of samples so far, over ten, on its diagonal."""
-
-    name, step = "growing", STEP
-
-    def initial_memory(self):
-        return {"count": np.zeros(1)}
-
-    def update(self, memory, sample):
-        return {"count": memory["count"] + 1}
-
-    def forecast(self, memory, *, horizon, stride):
-        A = memory["count"][0] / 10 * np.eye(2)
-        silent = constant_forecast(np.zeros(6), horizon)
-        return dc.replace(silent, A=A, B=np.zeros((2, 6)), C=np.zeros((6, 2)))
-
-
-def test_every_sample_with_a_radius_above_one_counts():
-    found = walked_stability(Growing(), of_wrenches(np.zeros((13, 6)), np.zeros((13, 6)), STEP))
-    # A radius of one itself is none
-    assert (found.windows, found.unstable) == (13, 3)
-    assert found.largest == pytest.approx(1.3)
 
 
 def test_a_flight_on_which_a_forecast_diverges_is_named():
