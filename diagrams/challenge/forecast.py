@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
 from typer import Option
 
 from diagrams.batch.run import Report, Run, every_result, require
@@ -16,20 +17,22 @@ from diagrams.challenge.real import block_name, campaign_of, numbered_blocks
 from diagrams.challenge.score_tables import table
 from diagrams.loop.controller_config import FILTER_MODEL
 from diagrams.studies.options import REAL_FLIGHTS, RealFlights, chosen, required
+from np_drake import rigid_body
 from np_drake.flight_log import FlightLog
-from np_drake.labels import ReadsLabels
+from np_drake.labels import LabelConfig, ReadsLabels, labels, raw_labels
 from np_drake.lifting.model.lifted_model import PAPER
 from np_drake.lifting.training.train import make_config, train
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.payload_filter.training import train_payload_filter
-from np_drake.residual_model import ResidualModel
+from np_drake.residual_model import Memory, ResidualModel, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.flight_forecasts import MOTIONS, flight_forecasts
 from np_drake.residual_models.hold import Hold
-from np_drake.residual_models.linear_baselines import fit_force_ridge
 from np_drake.residual_models.motion_model import GP, MotionModel, fit_gaussian_process
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.training_data.segments import Segment, sampled_flight
+from np_drake.rotor_input import acting_command
+from np_drake.training_data.accelerations import with_accelerations
+from np_drake.training_data.segments import SampledFlight, Segment, check_segments
 from np_drake.vehicle import Vehicle
 
 Opened = tuple[FlightLog, Vehicle]
@@ -41,9 +44,148 @@ KINDS = {"lateral force": slice(0, 2), "force": slice(0, 3), "torque": slice(3, 
 DRAWS = 2000  # of the flights, for the interval [1]
 
 
+def sampled_flight(
+    log: FlightLog, vehicle: Vehicle, label: LabelConfig | None = None
+) -> SampledFlight:
+    """Return the flight with labels of eq. (1) averaged over each step, which uses nothing later
+    than the sample.
+
+    Accelerations that the log lacks are differentiated first, see `with_accelerations`.
+
+    Raises: ValueError: if the log's own step is longer, or the flight shorter than the history.
+    """
+    log = with_accelerations(log)
+    t = log.t - log.t[0]
+    count = int(t[-1] / STEP + 1e-6) + 1
+    require(
+        0.999 * log.step < STEP and count > HISTORY + 1,
+        f"{log.name}: must have a row every {STEP:g} s and last {STEP * (HISTORY + 2):g} s; "
+        f"got {log.step:.4g} s and {t[-1]:.3g} s.",
+    )
+    bins = np.ceil(t / STEP - 1e-6).astype(
+        int
+    )  # row of time t belongs to the sample that ends its step
+    last = np.searchsorted(t, STEP * np.arange(count) + 1e-6 * STEP, side="right") - 1
+    chi = _means(raw_labels(log, vehicle), bins, count)
+    u = _held(_means(acting_command(log, vehicle), bins, count))
+    if label is not None:
+        chi = np.where(np.isfinite(chi), labels(log, vehicle, label)[last], np.nan)
+    return SampledFlight(STEP, log.x[last], u, chi, log.name)
+
+
+def _means(values: np.ndarray, bins: np.ndarray, count: int) -> np.ndarray:
+    """Return the mean of the finite rows of each bin, (count, c); NaN where it has none."""
+    good = np.isfinite(values).all(axis=1) & (bins < count)
+    size = np.bincount(bins[good], minlength=count).astype(float)
+    size[size == 0] = np.nan
+    return np.stack(
+        [np.bincount(bins[good], column[good], count) / size for column in values.T], axis=1
+    )
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """Return rows (n, c) with those of NaN replaced by the last finite one, or the first at the
+    beginning.
+    """
+    good = np.isfinite(values).all(axis=1)
+    source = np.maximum.accumulate(np.where(good, np.arange(len(values)), 0))
+    source[source == 0] = int(np.argmax(good)) if not good[0] else 0
+    return values[source]
+
+
+# Standard deviation of noise in the features of the ridge, over their own [1]
+NOISE = 0.1
+# Channels of chi that are forecast together, and of a sample [chi, zeta] that they are forecast
+# from: lateral force from itself and the lateral velocity, vertical force from force and velocity,
+# torque from itself and the body rates
+GROUPS = (((0, 1), (0, 1, 6, 7)), ((2,), (0, 1, 2, 6, 7, 8)), ((3, 4, 5), (3, 4, 5, 9, 10, 11)))
+
+
+class RidgeBaseline:
+    """Separate linear map chi_hat_h = W_h [w; 1] for each of `HORIZONS`; it ignores the coming
+    zeta.
+
+    Between them it is interpolated linearly. Until its window is full, it holds the label.
+
+    Args:
+        weights: (H, 6, 12 D + 1) of the window, oldest sample first, and of 1, in physical units.
+    """
+
+    name, step = "ridge", STEP
+
+    def __init__(self, weights: np.ndarray):
+        self._W = weights
+
+    def initial_memory(self) -> Memory:
+        """Return the memory before any sample: window (W, 12) of [chi, zeta], oldest first, and the
+        count in it.
+        """
+        return {"window": np.zeros((HISTORY, 12)), "count": np.zeros(1)}
+
+    def update(self, memory: Memory, sample: Sample) -> Memory:
+        """Return the memory after one more sample; one with a NaN repeats the sample before."""
+        row = np.concatenate([sample.chi, rigid_body.zeta(np.asarray(sample.x, float))])
+        row = np.where(np.isfinite(row), row, memory["window"][-1])
+        window = np.concatenate([memory["window"][1:], row[None]])
+        return {"window": window, "count": memory["count"] + 1.0}
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """Return the forecast; until the window is full, the last label, held."""
+        window = memory["window"]
+        if memory["count"][0] < HISTORY:
+            return constant_forecast(window[-1, :6], horizon)
+        steps, course = stride * np.arange(horizon), self._W @ np.append(window.ravel(), 1.0)
+        between = [np.interp(steps, HORIZONS, channel) for channel in course.T]
+        return constant_forecast(np.stack(between, axis=1), horizon)
+
+
+def fit_ridge(segments: list[Segment]) -> RidgeBaseline:
+    """Fit a ridge to every origin of the segments, by groups of channels, each of which sees its
+    own inputs.
+
+    Raises: ValueError: if no segment is longer than history and horizon.
+    """
+    segments = check_segments(segments, HISTORY + HORIZONS[-1] + 1)
+    weights = np.zeros((len(HORIZONS), 6, HISTORY, 12))
+    constant = np.zeros((len(HORIZONS), 6, 1))
+    for outputs, inputs in GROUPS:
+        features, goals = [], []
+        for segment in segments:
+            samples = np.hstack([segment.chi, segment.zeta])[:, inputs]
+            windows = sliding_window_view(samples, HISTORY, axis=0).transpose(0, 2, 1)
+            origins = np.arange(HISTORY - 1, len(samples) - HORIZONS[-1])
+            features.append(windows[: len(origins)].reshape(len(origins), -1))
+            goals.append(segment.goal[origins[:, None] + HORIZONS][..., outputs])
+        goal = np.concatenate(goals)
+        W, level = _centred_ridge(np.concatenate(features), goal.reshape(len(goal), -1))
+        size = (HISTORY, len(inputs), len(HORIZONS), len(outputs))
+        chosen = np.ix_(range(len(HORIZONS)), outputs, range(HISTORY), inputs)
+        weights[chosen] = W.reshape(size).transpose(2, 3, 0, 1)
+        constant[:, outputs, 0] = level.reshape(len(HORIZONS), -1)
+    return RidgeBaseline(np.dstack([weights.reshape(len(HORIZONS), 6, -1), constant]))
+
+
+def _centred_ridge(X: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return weights and constant of the ridge of Y on features of mean 0 and deviation 1."""
+    middle, level, scale = X.mean(axis=0), Y.mean(axis=0), np.maximum(X.std(axis=0), 1e-12)
+    Z = (X - middle) / scale
+    # (Z'Z + n noise² 1) W = Z'Y
+    gram = Z.T @ Z + NOISE**2 * len(Z) * np.eye(Z.shape[1])
+    W = np.linalg.solve(gram, Z.T @ (Y - level)) / scale[:, None]
+    return W, level - middle @ W
+
+
 def _segments(flights: Sequence[Opened]) -> list[Segment]:
-    """Return the flights as training input, with labels averaged over a step."""
-    return [sampled_flight(log, vehicle, step=STEP).segment for log, vehicle in flights]
+    """Return the flights as training input: labels averaged over a step, gaps of the label bridged
+    by a line.
+    """
+    segments = []
+    for log, vehicle in flights:
+        flight = sampled_flight(log, vehicle)
+        k, good = np.arange(len(flight)), np.isfinite(flight.chi).all(axis=1)
+        chi = np.stack([np.interp(k, k[good], column[good]) for column in flight.chi.T], axis=1)
+        segments.append(Segment(chi, flight.zeta, STEP))
+    return segments
 
 
 def _paper(flights: Sequence[Opened]) -> NeuralPredictor:
@@ -60,9 +202,7 @@ def _payload_filter(flights: Sequence[Opened]) -> PayloadFilter:
 
 ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
     PERSISTENCE: lambda flights: Hold(step=STEP),
-    "ridge": lambda flights: fit_force_ridge(
-        _segments(flights), span=STEP * HISTORY, horizon=STEP * HORIZONS[-1]
-    ),
+    "ridge": lambda flights: fit_ridge(_segments(flights)),
     GP: lambda flights: MotionModel(GP, fit_gaussian_process(_segments(flights)), STEP),
     PAPER: _paper,
     PAYLOAD_FILTER: _payload_filter,
@@ -94,9 +234,9 @@ def square_errors(model: ResidualModel, opened: Opened, motion: str) -> dict[str
     Every origin from `HISTORY` on counts whose target, the label averaged over a step, is there. A
     model that reads labels of its own low-pass gets these; the targets stay. motion: of `MOTIONS`.
     """
-    flight = sampled_flight(*opened, step=STEP)
+    flight = sampled_flight(*opened)
     label = model.label if isinstance(model, ReadsLabels) else None
-    seen = sampled_flight(*opened, step=STEP, label=label)
+    seen = sampled_flight(*opened, label)
     goal = np.full((len(flight) - HISTORY, len(HORIZONS), 6), np.nan)
     for i, h in enumerate(HORIZONS):
         goal[: max(len(flight) - HISTORY - h, 0), i] = flight.chi[HISTORY + h :]

@@ -215,9 +215,9 @@ def robustness_table(cells: Cells, axes: Sequence[Axis]) -> list[dict]:
 def grid_points(cells: Cells, settings: Sequence[Setting]) -> list[dict]:
     """Return one line a row and setting of the grid; without payload, one for all tethers.
 
-    Returns: {"row", "mass" [kg], "length" [m], "speed" [m/s], the summary, "over_oracle":
-        E_xy over that of the oracle [1], None where either is lost, "near": whether it is near the oracle, "grows": whether error or swing grows by
-        more than `GROWING`}.
+    Returns: {"row", "mass" [kg], "length" [m], "speed" [m/s], the summary, "over_oracle": E_xy
+        over that of the oracle [1], None where either is lost, "near": whether it is near the
+        oracle, "grows": whether error or swing grows by more than `GROWING`}.
     """
     lines = []
     for setting in settings:

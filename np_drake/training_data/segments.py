@@ -15,11 +15,9 @@ from np_drake.labels import (
     default_labels,
     labelled,
     labels,
-    raw_labels,
     smooth_labels,
 )
 from np_drake.residual_model import Sample
-from np_drake.rotor_input import acting_command
 from np_drake.training_data.accelerations import rows_at, with_accelerations
 from np_drake.training_data.actuator_timing import delayed
 from np_drake.vehicle import Vehicle
@@ -63,9 +61,6 @@ class WrenchSequence:
             f"{np.shape(self.zeta)}.",
         )
         return self
-
-
-LONGER = "Give a longer flight without gaps, or a shorter step."
 
 
 @dc.dataclass(frozen=True)
@@ -116,7 +111,7 @@ def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
     require(
         long,
         f"Segment: at least {shortest} samples in one piece are needed; got "
-        f"{max(map(len, checked))}. {LONGER}",
+        f"{max(map(len, checked))}. Give a longer flight without gaps, or a shorter step.",
     )
     return long
 
@@ -190,13 +185,6 @@ class SampledFlight:
         """Velocity in W and body rates, (n, 6) [m/s, rad/s]."""
         return self.x[:, 7:13]
 
-    @property
-    def segment(self) -> Segment:
-        """Whole flight as training input and target, gaps of the label bridged by a line."""
-        k, good = np.arange(len(self)), np.isfinite(self.chi).all(axis=1)
-        chi = np.stack([np.interp(k, k[good], column[good]) for column in self.chi.T], axis=1)
-        return Segment(chi, self.zeta, self.step)
-
     def rows(self, start: int, stop: int) -> "SampledFlight":
         """Return samples `start` to `stop`, without the last."""
         part = slice(start, stop)
@@ -205,43 +193,6 @@ class SampledFlight:
     def sample(self, k: int) -> Sample:
         """Return sample k."""
         return Sample(self.x[k], self.u[k], self.chi[k])
-
-
-def sampled_flight(
-    log: FlightLog, vehicle: Vehicle, *, step: float = 0.02, label: LabelConfig | None = None
-) -> SampledFlight:
-    """Return the flight with labels of eq. (1) averaged over each step, which uses nothing later
-    than the sample.
-
-    Accelerations that the log lacks are differentiated first, see `with_accelerations`.
-
-    Args:
-        step: time between samples [s].
-    Raises: ValueError: if the step is shorter than the log's, or the flight than two steps.
-    """
-    require(
-        step > 0.999 * log.step,
-        f"sampled_flight: step must be at least that of {log.name}, {log.step:.4g} s; "
-        f"got {step:.4g} s.",
-    )
-    log = with_accelerations(log)
-    t = log.t - log.t[0]
-    count = int(t[-1] / step + 1e-6) + 1
-    require(
-        count >= 3,
-        f"sampled_flight: {log.name} must last two steps of {step:g} s; got {t[-1]:.3g} s. "
-        f"{LONGER}",
-    )
-    bins = np.ceil(t / step - 1e-6).astype(
-        int
-    )  # row of time t belongs to the sample that ends its step
-    last = np.searchsorted(t, step * np.arange(count) + 1e-6 * step, side="right") - 1
-    raw = raw_labels(log, vehicle)
-    chi = _means(raw, bins, count)
-    u = _held(_means(acting_command(log, vehicle), bins, count))
-    if label is not None:
-        chi = np.where(np.isfinite(chi), labels(log, vehicle, label)[last], np.nan)
-    return SampledFlight(step, log.x[last], u, chi, log.name)
 
 
 def picked_flight(
@@ -281,26 +232,6 @@ def of_wrenches(chi: np.ndarray, zeta: np.ndarray, step: float) -> SampledFlight
     x = np.zeros((len(chi), 13))
     x[:, 3], x[:, 7:] = 1.0, zeta
     return SampledFlight(step, x, np.zeros((len(chi), 4)), chi)
-
-
-def _means(values: np.ndarray, bins: np.ndarray, count: int) -> np.ndarray:
-    """Return the mean of the finite rows of each bin, (count, c); NaN where it has none."""
-    good = np.isfinite(values).all(axis=1) & (bins < count)
-    size = np.bincount(bins[good], minlength=count).astype(float)
-    size[size == 0] = np.nan
-    return np.stack(
-        [np.bincount(bins[good], column[good], count) / size for column in values.T], axis=1
-    )
-
-
-def _held(values: np.ndarray) -> np.ndarray:
-    """Return rows (n, c) with those of NaN replaced by the last finite one, or the first at the
-    beginning.
-    """
-    good = np.isfinite(values).all(axis=1)
-    source = np.maximum.accumulate(np.where(good, np.arange(len(values)), 0))
-    source[source == 0] = int(np.argmax(good)) if not good[0] else 0
-    return values[source]
 
 
 STILL = 0.05  # standard deviation below which no axis moves [m/s, rad/s]; own choice
