@@ -13,7 +13,7 @@ import torch
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.labels import RAW, LabelConfig, default_labels
-from np_drake.lifting.training.excitation import measure_excitation
+from np_drake.lifting.training.excitation import excitation
 from np_drake.lifting.training.neural_window import NeuralWindowConfig
 from np_drake.lifting.training.paper_training import descend_once
 from np_drake.lifting.training.train import Config, TrainingResult, configured, train
@@ -277,13 +277,12 @@ def train_motion_model(
         reaction: Any = fit_gaussian_process(segments, config)
     else:
         reaction, loss = fit_knode(_pieces(flights), vehicle, config, on_epoch=on_epoch)
-    zeta = [segment.zeta for segment in segments]
     error = np.concatenate([reaction(s.zeta) - s.goal for s in segments])
     summary = {
         "samples": sum(map(len, segments)),
         "loss": loss[-1] if loss else None,
         "label_rmse": np.sqrt(np.mean(error**2, axis=0)).tolist(),
-        "excitation": measure_excitation(zeta, step=step).text,
+        "excitation": excitation(segments),
         "settings": dc.asdict(config),
     }
     model = MotionModel(name, reaction, step, summary)

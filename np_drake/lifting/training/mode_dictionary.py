@@ -24,7 +24,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Taps, Trust
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.excitation import measure_excitation, turns
+from np_drake.lifting.training.excitation import excitation, turns
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 GROUPS = (slice(0, 3), slice(3, 6))  # force, torque
@@ -289,8 +289,8 @@ def train_mode_dictionary(
     loss = float(np.mean([relative_error(flight, fitted) for flight in flights]))
     on_epoch(len(segments) + 1, len(segments) + 1, loss)
     model = _assemble(config, modes, encoder, projector, scale, step, segments)
-    text = measure_excitation([segment.zeta for segment in segments], step=step).text
-    summary = {"samples": sum(map(len, segments)), "loss": {"all": loss}, "excitation": text}
+    summary = {"samples": sum(map(len, segments)), "loss": {"all": loss}}
+    summary["excitation"] = excitation(segments)
     return dc.replace(model, summary=summary), [loss]
 
 

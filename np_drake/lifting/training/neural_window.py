@@ -22,7 +22,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Taps
 from np_drake.lifting.model.lifted_model import NEURAL_WINDOW, LiftedModel
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.excitation import measure_excitation, turns
+from np_drake.lifting.training.excitation import excitation, turns
 from np_drake.lifting.training.paper_training import (
     descend_once,
     foreseeing,
@@ -256,7 +256,7 @@ def _exported(
     summary = {
         "samples": sum(map(len, segments)),
         "loss": history[-1] if history else None,
-        "excitation": measure_excitation([s.zeta for s in segments], step=step).text,
+        "excitation": excitation(segments),
     }
     return LiftedModel(
         NEURAL_WINDOW, system, encoder, scale[6:], summary, refit=config.refit, ridge=config.ridge

@@ -8,7 +8,6 @@ and effects):
 - The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is Bayesian
   regression about a prior A_0, B_0 shared by all windows: least squares over all of them, renewed
   every epoch, and in flight the offline model.
-- B_0 is shrunk along directions of zeta that the flights do not excite.
 - Stable: A_0 and each window's A are made stable as in flight before they are iterated.
 - Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares
   sense: the window fit of z_k on z_(k+1) and zeta_k, about a backward prior, made stable the same
@@ -39,7 +38,7 @@ from np_drake.lifting.model.lifted_linear_system import (
 )
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.excitation import measure_excitation, turns
+from np_drake.lifting.training.excitation import excitation, turns
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 # Of the samples that Phi sees, the newest 0, half a second in all at 50 Hz; own choice: a swing of
@@ -260,12 +259,7 @@ class PaperTrainer:
         chi, zeta = [segment.chi for segment in segments], [segment.zeta for segment in segments]
         scales = [group_scale(values, centred=False) for values in (chi, zeta)]
         self.chi_scale, self.zeta_scale = scales
-        if config.symmetric:
-            zeta = [image for piece in zeta for image in turns(piece)]
-        self.excitation = measure_excitation(zeta, step=self.step)
-        self._seen = torch.from_numpy(
-            self.excitation.shrink.T * self.zeta_scale[:, None] / self.zeta_scale
-        )
+        self.excitation = excitation(segments)
         windows = _windows(segments, config) / np.concatenate(scales)
         late = windows[:, before:]
         lagged = [windows[:, before - lag : windows.shape[1] - lag] for lag in config.lags]
@@ -336,7 +330,7 @@ class PaperTrainer:
             "epochs": self.epoch,
             "loss": self.history[-1] if self.history else None,
             "gamma": self.config.gamma,
-            "excitation": self.excitation.text,
+            "excitation": self.excitation,
         }
         return LiftedModel(
             PAPER,
@@ -356,13 +350,10 @@ class PaperTrainer:
             self.forward_prior, self.backward_prior = self._prior(z), self._prior(z, backward=True)
 
     def _prior(self, z: torch.Tensor, *, backward: bool = False) -> torch.Tensor:
-        """Return [A_0 B_0]' (K + 6, K) over all windows: A stable, B without zeta along unexcited
-        directions.
-        """
+        """Return [A_0 B_0]' (K + 6, K) over all windows, with A stable."""
         X, Y = regression(z, self._zeta, backward=backward)
-        K = Y.shape[-1]
-        fit = global_fit(torch.cat([X[..., :K], X[..., K:] @ self._seen], dim=-1), Y)
-        return torch.cat([stable(fit[:K]), self._seen @ fit[K:]])
+        fit, K = global_fit(X, Y), Y.shape[-1]
+        return torch.cat([stable(fit[:K]), fit[K:]])
 
     def _best_readout(self, z: torch.Tensor) -> torch.Tensor:
         """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean
