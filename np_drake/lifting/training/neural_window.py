@@ -3,8 +3,8 @@
     eta = E w,   z = eta + W3 relu(W2 relu(W1 eta)),   z+ = A z + B zeta,   chi_hat = C z
 
 A vehicle that hovers is the same in x and y, and left to right. So x and y have one law, z
-another, and the network is averaged over quarter turns and mirrors; in W this holds at yaw near
-zero, in body axes as far as the airframe is symmetric.
+another, and the network is averaged over quarter turns and mirrors; this holds at yaw near zero.
+The torque about z is held.
 
 E, A, B, C begin as the linear system that subspace identification finds. Then all of them and the
 network descend on the error of forecasts of chi, from one step to the horizon ahead, along the
@@ -37,7 +37,6 @@ from np_drake.training_data.segments import Segment, check_segments, group_scale
 X = {0: 1.0, 4: 1.0, 6: 1.0, 10: 1.0}  # f_x, tau_y, v_x, w_y
 Y = {1: 1.0, 3: -1.0, 7: 1.0, 9: -1.0}
 Z = {2: 1.0, 8: 1.0}  # f_z, v_z
-YAW = {5: 1.0, 11: 1.0}  # tau_z, w_z
 FITTED = 20_000  # origins of the linear fit, thinned beyond [1]
 REPORTS = 20  # of the loss in a training [1]
 
@@ -48,7 +47,6 @@ class NeuralWindowConfig:
 
     sway: int = 9  # lifted states of x, and as many of y [1]
     heave: int = 6  # of z [1]
-    yaw: int = 0  # of the torque about z; 0: it is held [1]
     width: int = 128  # neurons of each of the two hidden layers [1]
     delay: int = 50  # samples the encoder sees [1]
     dense: int = 10  # of them one by one, the newest [1]
@@ -129,10 +127,8 @@ class NeuralWindow:
     """
 
     def __init__(self, config: NeuralWindowConfig, windows: np.ndarray):
-        groups = ((config.sway, (X, Y)), (config.heave, (Z,)), (config.yaw, (YAW,)))
-        self._motions = [
-            Motion(size, planes, windows, config.taps) for size, planes in groups if size
-        ]
+        groups = ((config.sway, (X, Y)), (config.heave, (Z,)))
+        self._motions = [Motion(size, planes, windows, config.taps) for size, planes in groups]
         self.images = torch.from_numpy(_images(config))
         K, generator = self.images.shape[1], torch.Generator().manual_seed(config.seed)
         sizes = ((config.width, K), (config.width, config.width))
@@ -176,10 +172,10 @@ class NeuralWindow:
 
 def _images(config: NeuralWindowConfig) -> np.ndarray:
     """Return what the eight turns and mirrors do to rows z, (8, K, K): a state turns into the same
-    one of another plane as the force, or torque about z, of its plane does.
+    one of another plane as the force of its plane does.
     """
-    sizes = (config.sway, config.sway, config.heave, config.yaw)
-    channel = np.repeat([0, 1, 2, 5], sizes)
+    sizes = (config.sway, config.sway, config.heave)
+    channel = np.repeat([0, 1, 2], sizes)
     place = np.concatenate([np.arange(size) for size in sizes])
     turned = np.array(turns(np.eye(6)))[:, channel][:, :, channel]
     return turned * (place[:, None] == place)

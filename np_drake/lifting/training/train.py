@@ -20,14 +20,8 @@ CONFIGURATIONS: dict[str, Config] = {
     NEURAL_WINDOW: NeuralWindowConfig(),
     MODE_DICTIONARY: ModeDictionaryConfig(),
 }
-# Settings for arrays of real flights, sampled every 2.5 ms: window and taps of `mode-dictionary`
-IN_BODY_AXES: dict[str, dict[str, Any]] = {
-    PAPER: {"symmetric": False, "lags": (0,)},
-    NEURAL_WINDOW: {
-        **{"delay": 87, "dense": 12, "averages": 11},
-        **{"horizon": 100, "yaw": 4, "refit": 0},
-    },
-}
+AXES = {NEURAL_WINDOW: "world", MODE_DICTIONARY: "body"}  # that a configuration needs
+IN_BODY_AXES: dict[str, Any] = {"symmetric": False, "lags": (0,)}  # settings of `paper`
 
 
 @dc.dataclass(frozen=True)
@@ -67,13 +61,14 @@ def make_config(
         settings: fields of the configuration.
     Raises: ValueError: on an unknown name or setting, or where wrenches in these axes need another.
     """
+    needed = AXES.get(configuration, frame)
     require(
-        configuration != MODE_DICTIONARY or frame == "body",
-        f"train: {MODE_DICTIONARY} needs wrenches in body axes; these are in {frame} axes.",
+        frame == needed,
+        f"train: {configuration} needs wrenches in {needed} axes; these are in {frame} axes.",
     )
     names = {field.name for field in dc.fields(CONFIGURATIONS.get(configuration, DEFAULT_CONFIG))}
-    if frame != "world":
-        settings = IN_BODY_AXES.get(configuration, {}) | settings
+    if configuration == PAPER and frame == "body":
+        settings = IN_BODY_AXES | settings
     if epochs is not None and "epochs" in names:
         settings["epochs"] = epochs
     return configured(CONFIGURATIONS, configuration, settings)

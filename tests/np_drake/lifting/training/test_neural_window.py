@@ -8,7 +8,7 @@ import pytest
 from np_drake.lifting.model.lifted_model import load_model, save_model
 from np_drake.lifting.training.neural_window import NeuralWindowConfig
 from np_drake.lifting.training.paper_training import IMAGES
-from np_drake.lifting.training.train import make_config, train
+from np_drake.lifting.training.train import train
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.skill.skill import skill_table
 from np_drake.training_data.segments import Segment
@@ -95,11 +95,3 @@ def test_several_flights_with_different_loads_are_one_training():
     assert error["np"] < 0.5 * error["persistence"]
     again = train([*segments, short], dc.replace(CONFIG, epochs=20)).model
     np.testing.assert_array_equal(again.system.A, model.system.A)
-
-
-def test_torque_about_z_is_read_where_it_is_asked_for(dithered):
-    assert not make_config("neural-window").yaw
-    assert make_config("neural-window", frame="body").yaw
-    for yaw, read in ((0, False), (2, True)):
-        model = train([dithered.segment], dc.replace(CONFIG, epochs=1, yaw=yaw)).model
-        assert (model.system.K, model.system.C[5].any()) == (24 + yaw, read)

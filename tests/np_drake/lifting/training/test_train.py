@@ -45,6 +45,7 @@ def test_configurations_go_by_name_and_suit_their_axes():
         ({"configuration": "theirs"}, r"paper \| neural-window \| mode-dictionary; got theirs"),
         ({"configuration": "paper", "epocs": 3}, "has no setting epocs"),
         ({"configuration": "mode-dictionary"}, "these are in world axes"),
+        ({"configuration": "neural-window", "frame": "body"}, "these are in body axes"),
     ):
         with pytest.raises(ValueError, match=match):
             make_config(**arguments)
