@@ -4,7 +4,6 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake import labels
 from np_drake.rotor_input import rotor_speed, rotor_wrench
 from np_drake.training_data.accelerations import (
     most_likely,
@@ -12,7 +11,6 @@ from np_drake.training_data.accelerations import (
     smooth_derivative,
     with_accelerations,
 )
-from np_drake.training_data.segments import labelled_rows
 from np_drake.vehicle import Vehicle
 
 
@@ -52,16 +50,12 @@ def test_rotor_speed_and_command_are_inverse():
     np.testing.assert_allclose(rotor_wrench(vehicle, rotor_speed(vehicle, u)), u, atol=1e-12)
 
 
-def test_a_step_picks_the_nearest_rows_of_filtered_labels(flight):
+def test_a_step_picks_the_nearest_rows(flight):
     np.testing.assert_array_equal(rows_at(flight, 0.02), np.arange(0, len(flight), 2))
     rows = rows_at(flight, 0.025)
     assert len(rows) == 240
     half = 0.005 + 1e-12  # a row [s]
     np.testing.assert_allclose(flight.t[rows], 0.025 * np.arange(len(rows)), atol=half)
-    causal, zeta, smooth = labelled_rows(flight, Vehicle(), None, step=0.02)
-    np.testing.assert_array_equal(causal, labels.labels(flight, Vehicle())[::2])
-    np.testing.assert_array_equal(zeta, np.hstack([flight.v, flight.w])[::2])
-    np.testing.assert_array_equal(smooth, labels.smooth_labels(flight, Vehicle())[::2])
 
 
 def test_noise_alone_goes_and_slow_motion_stays():
@@ -73,13 +67,3 @@ def test_noise_alone_goes_and_slow_motion_stays():
     assert missed[1] < 0.02
     same = most_likely(values[:501], np.zeros(2), 0.01)  # read without noise
     np.testing.assert_allclose(same, values[:501], atol=1e-12)
-
-
-def test_white_noise_alone_leaves_its_mean_only():
-    """A band passes by chance once in about thirty, and then with the gain of its excess, about a
-    third.
-    """
-    values = 5.0 + np.random.default_rng(0).normal(size=(4000, 12))
-    left = most_likely(values, np.ones(12), 0.01)
-    np.testing.assert_allclose(left.mean(axis=0), values.mean(axis=0), atol=1e-12)
-    assert left.var(axis=0).mean() < 0.012  # of the power that was read

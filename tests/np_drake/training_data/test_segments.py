@@ -15,16 +15,7 @@ def test_a_log_gives_causal_labels_and_zero_phase_targets(flight):
     np.testing.assert_array_equal(dut.goal, labels.smooth_labels(flight, Vehicle())[::2])
     np.testing.assert_array_equal(dut.zeta, flight.x[::2, 7:13])
     assert (dut.step, dut.late) == (0.02, 2)  # 40 ms through 4 Hz
-
-
-def test_a_segment_in_time_has_each_label_beside_its_own_motion(flight):
-    (late,) = Flight(flight, Vehicle()).segments(0.02)
-    dut = late.in_time
-    np.testing.assert_array_equal(dut.chi, late.chi[2:])
-    np.testing.assert_array_equal(dut.zeta, late.zeta[:-2])
-    np.testing.assert_array_equal(dut.goal, late.goal[:-2])
-    assert dut.late == 0
-    (raw,) = Flight(flight, Vehicle()).segments(0.02, labels.LabelConfig(np.inf, np.inf))
+    (raw,) = Flight(flight, Vehicle()).segments(0.02, labels.RAW)
     assert raw.late == 0
 
 
