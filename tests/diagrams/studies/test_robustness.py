@@ -83,7 +83,7 @@ def test_a_vehicle_off_its_reference_is_lost_from_then_on(far):
     assert dut["at_limit"] == pytest.approx(20 / 500)
 
 
-# E_xy by row [m]; np has half the error of the best naive row and ten times the oracle's.
+# E_xy by row [m]; np has ten times the oracle's.
 ERROR = {"nominal": 0.05, "hold": 0.04, "np": 0.02, "oracle": 0.002}
 
 
