@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.residual_model import Sample, WrenchForecast, constant_forecast
-from np_drake.residual_models.hold import DisturbanceObserver, Hold
+from np_drake.residual_models.hold import DisturbanceObserver
 from np_drake.vehicle import Vehicle
 
 VEHICLE, STEP = Vehicle(), 0.02
@@ -17,15 +17,6 @@ def fed(dut, samples):
     for sample in samples:
         memory = dut.update(memory, sample)
     return memory
-
-
-def labels(*rows):
-    return [Sample(LEVEL, np.zeros(4), chi) for chi in rows]
-
-
-def test_hold_keeps_the_last_label():
-    memory = fed(Hold(step=STEP), labels(np.ones(6), CHI, np.full(6, np.nan)))
-    np.testing.assert_array_equal(memory["chi"], CHI)
 
 
 @pytest.mark.parametrize("command", [1.0, np.nan])

@@ -60,13 +60,6 @@ def test_a_command_whose_lag_would_have_no_end_tells_none():
     assert learned_timing([(log, Vehicle())], [0.0])[0] == 0.0
 
 
-def test_a_lag_of_the_vehicle_file_and_measured_rotors_are_believed():
-    named = Vehicle(rotor_time_constant=0.02)
-    measured = dc.replace(flight(0.03), input="rotor_speed")
-    assert learned_timing([(flight(0.03), named), (measured, Vehicle())], [0.0])[0] == 0.0
-    assert learned_timing([(measured, Vehicle())], [0.0, 0.02]) == (0.0, 0.0)
-
-
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 @pytest.mark.parametrize("lag", [0.0, 0.03])
 def test_delay_and_lag_are_found_together(lag, delay):
@@ -77,7 +70,9 @@ def test_delay_and_lag_are_found_together(lag, delay):
     assert found == (pytest.approx(lag, abs=0.003), pytest.approx(delay, abs=0.0051))  # [s]
 
 
-def test_a_named_lag_is_taken_and_the_delay_found_beside_it():
+def test_a_named_lag_and_measured_rotors_are_believed_and_the_delay_is_found():
     named, log = Vehicle(rotor_time_constant=0.03), flight(0.03)
+    measured = dc.replace(log, input="rotor_speed"), Vehicle()
+    assert learned_timing([measured], [0.0, 0.02]) == (0.0, 0.0)
     set_accelerations(log, delayed(log, 0.04), 0.03)
-    assert learned_timing([(log, named)], [0.0, 0.02, 0.04, 0.06]) == (0.0, 0.04)
+    assert learned_timing([(log, named), measured], [0.0, 0.02, 0.04, 0.06]) == (0.0, 0.04)

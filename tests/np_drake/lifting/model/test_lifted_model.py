@@ -91,7 +91,6 @@ def test_pickles_are_never_loaded(tmp_path):
 FAULTS = {
     "schema must be": lambda t, h, m: m.update(schema="np_drake.lifted_model/0"),
     "lacks 'E'": lambda t, h, m: t.pop("E"),
-    "lacks 'step'": lambda t, h, m: h.pop("step"),
     r"must be paper \| neural-window \| mode": lambda t, h, m: h.update(configuration="theirs"),
     "each layer must take the 4": lambda t, h, m: t.update(W0=np.zeros((4, 5))),
     "as many outputs as E, 4": lambda t, h, m: t.update(W0=np.zeros((3, 4))),
@@ -101,7 +100,6 @@ FAULTS = {
     "force_bandwidth must be positive": lambda t, h, m: h.update(
         summary={"origin": {"label": {"force_bandwidth": -1}}}
     ),
-    "must hold finite": lambda t, h, m: t.update(B=np.full((4, 6), np.nan)),
     "must hold finite floating": lambda t, h, m: t.update(B=np.zeros((4, 6), int)),
     r"A, B, C must be \(K, K\)": lambda t, h, m: t.update(B=np.zeros((3, 6))),
     r"E must be \(F, 12 D\)": lambda t, h, m: t.update(E=np.zeros((4, 59))),

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.lifted_model import load_model, save_model
+from np_drake.lifting.model.lifted_model import save_model
 from np_drake.lifting.training.neural_window import NeuralWindowConfig
 from np_drake.lifting.training.paper_training import IMAGES
 from np_drake.lifting.training.train import train
@@ -54,14 +54,12 @@ def test_the_network_foresees_more_than_its_linear_start(model, dithered, lemnis
     assert error["np"] < error["linear start"] < 0.3 * error["persistence"]
 
 
-def test_it_is_what_theorem_1_assumes_and_comes_back_from_its_file(model, tmp_path, lemniscate):
+def test_it_is_what_theorem_1_assumes_in_a_small_file(model, tmp_path):
     assert model.system.spectral_radius < 1.0
     *hidden, last = model.encoder.weights
     assert max(np.linalg.norm(W, 2) for W in hidden) <= 1.0 + 1e-12
     assert last.any()
     save_model(model, tmp_path / "m.safetensors")
-    read, w = load_model(tmp_path / "m.safetensors"), windows(model, lemniscate)
-    np.testing.assert_array_equal(read.encoder(w), model.encoder(w))
     assert (tmp_path / "m.safetensors").stat().st_size < 2e6  # [B]
 
 

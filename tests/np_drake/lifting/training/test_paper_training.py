@@ -8,7 +8,7 @@ import torch
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from np_drake.lifting.model.lifted_linear_system import RADIUS, Encoder, stabilized
+from np_drake.lifting.model.lifted_linear_system import Encoder
 from np_drake.lifting.model.lifted_model import PAPER
 from np_drake.lifting.training import paper_training
 from np_drake.lifting.training.excitation import turns
@@ -20,7 +20,6 @@ from np_drake.lifting.training.paper_training import (
     PaperTrainer,
     PhiModule,
     foreseeing,
-    stable,
     window_fit,
 )
 from np_drake.lifting.training.train import train
@@ -125,12 +124,6 @@ def test_a_window_fit_is_ridge_regression_toward_the_prior():
         target = np.vstack([Y[i], np.sqrt(2.0) * prior])
         expected = np.linalg.lstsq(stacked, target, rcond=None)[0]
         np.testing.assert_allclose(torch.cat([A[i], B[i]]), expected, atol=1e-10)
-
-
-def test_an_unstable_window_is_made_stable_as_in_flight():
-    unstable = 1.1 * np.random.default_rng(0).standard_normal((3, 6, 6))
-    found = stable(torch.from_numpy(unstable)).numpy()
-    np.testing.assert_allclose(found, [stabilized(A, RADIUS) for A in unstable], atol=1e-12)
 
 
 def test_the_backward_loss_is_the_mean_square_of_the_way_back(monkeypatch):
