@@ -28,12 +28,12 @@ class NeuralPredictor:
 
     Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) change
     in flight, these, and rows (refit, K + 6), what the refit reads of each sample, lifted once,
-    zero before the first window was full; lowpass (6,) of the labels; count of
-    samples in the window, up to W; labels, dropped: samples with and without one so far; gap:
-    dropped in a row just now; where the model has a `trust`, its memory, as trust/…. Until the
-    window is full the forecast holds `lowpass`, and afterwards that of channels that C does not
-    read. A missing label is filled with the model's own prediction, a missing state with the last
-    zeta; after W samples in a row without, the window starts afresh.
+    zero before the first window was full; lowpass (6,) of the labels; count of samples in the
+    window, up to W; labels so far; gap: samples in a row just now without label or state; where the
+    model has a `trust`, its memory, as trust/…. Until the window is full the forecast holds
+    `lowpass`, and afterwards that of channels that C does not read. A missing label is filled with
+    the model's own prediction, a missing state with the last zeta; after W samples in a row
+    without, the window starts afresh.
     Source: Jin et al. 2025, eq. (nmpc).
 
     Args:
@@ -63,7 +63,7 @@ class NeuralPredictor:
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample, whose forecast is zero."""
-        scalars = {name: np.zeros(1) for name in ("count", "labels", "dropped", "gap")}
+        scalars = {name: np.zeros(1) for name in ("count", "labels", "gap")}
         window = np.zeros((self.model.window, 12))
         memory = {"window": window, "z": np.zeros(self.model.system.K), "lowpass": np.zeros(6)}
         return memory | scalars | self._afresh()
@@ -127,7 +127,6 @@ class NeuralPredictor:
             "gap": gap,
             "count": np.zeros(1) if lost else np.minimum(memory["count"] + 1.0, W),
             "labels": memory["labels"] + float(labelled),
-            "dropped": memory["dropped"] + float(not complete),
         }
 
     def _warm(self, memory: Memory) -> bool:

@@ -106,9 +106,7 @@ UNITS = 10.0 ** np.linspace(-3, 3, 12)
 
 
 def swinging(seed, n=300):
-    """Every channel a level and oscillations of two frequencies, with phases and sizes of its
-    own.
-    """
+    """Every channel a level and two oscillations, with phases and sizes of its own."""
     draw, t = np.random.default_rng(seed), STEP * np.arange(n)
     phases, sizes = draw.uniform(0, 2 * np.pi, (2, 12, 1)), draw.uniform(0.5, 1.5, (2, 12, 1))
     samples = sizes[0] * np.sin(4.4 * t + phases[0]) + sizes[1] * np.sin(9.0 * t + phases[1]) + 0.3

@@ -76,9 +76,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, capsys,
 
 
 def test_a_forecast_that_diverges_fails(logs, monkeypatch, capsys):
-    """A model file refuses such an A, so it comes from elsewhere: the verb says so and leaves with
-    1.
-    """
+    """A model file refuses such an A; this one comes from elsewhere."""
     system = LiftedLinearSystem(2.0 * np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
     broken = LiftedModel(MODE_DICTIONARY, system, Encoder(np.eye(6, 12)))
     monkeypatch.setattr("diagrams.cli.train.schema_of", lambda path: MODE_DICTIONARY)

@@ -84,7 +84,7 @@ def test_a_dropped_label_is_filled_with_the_own_prediction():
     dut, samples = NeuralPredictor(last_sample_model()), sequence(20)
     memory = fed(dut, without(samples, (9, 13, 18, 19)))
     np.testing.assert_allclose(memory["z"], fed(dut, samples)["z"], atol=1e-12)
-    assert (memory["dropped"], memory["labels"], memory["gap"]) == (4, 16, 2)
+    assert (memory["labels"], memory["gap"]) == (16, 2)
 
 
 def test_a_long_gap_starts_the_window_afresh():
@@ -128,9 +128,7 @@ def test_no_samples_make_the_forecast_unusable_or_change_a_memory(model, course)
 
 
 def test_what_flies_is_the_batch_solution_of_the_last_window():
-    """Ridge regression of the last forty samples, holes filled, though every sample was lifted once
-    and long ago.
-    """
+    """Ridge regression of forty samples, holes filled, each lifted once and long ago."""
     dut, samples = NeuralPredictor(paper_model()), sequence(150)
     memory = fed(dut, without(samples, (60, 61, 130)))
     z, zeta = memory["rows"][:, :6], memory["rows"][:, 6:]  # zeta unscaled
