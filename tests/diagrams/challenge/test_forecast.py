@@ -77,7 +77,7 @@ def ramp(step=0.002, seconds=1.0):
     return FlightLog(t, zero, q, v, zero, u, force / VEHICLE.mass, zero)
 
 
-def test_a_label_is_the_mean_over_the_step_that_ends_at_its_sample_and_nothing_later():
+def test_a_label_is_the_mean_over_the_step_that_ends_at_its_sample():
     flight = sampled_flight(ramp(), VEHICLE)
     k = np.arange(1, len(flight))
     # Ten rows of a step, from 18 ms before its end to the end: 9 ms before the sample in the mean.

@@ -70,7 +70,7 @@ def test_delay_and_lag_are_found_together(lag, delay):
     assert found == (pytest.approx(lag, abs=0.003), pytest.approx(delay, abs=0.0051))  # [s]
 
 
-def test_a_named_lag_and_measured_rotors_are_believed_and_the_delay_is_found():
+def test_a_named_lag_and_measured_rotors_are_believed():
     named, log = Vehicle(rotor_time_constant=0.03), flight(0.03)
     measured = dc.replace(log, input="rotor_speed"), Vehicle()
     assert learned_timing([measured], [0.0, 0.02]) == (0.0, 0.0)
