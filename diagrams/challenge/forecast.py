@@ -191,7 +191,7 @@ def _segments(flights: Sequence[Opened]) -> list[Segment]:
 def _paper(flights: Sequence[Opened]) -> NeuralPredictor:
     """Return the predictor of the paper with its usual settings, but for the window."""
     model = train(_segments(flights), make_config(PAPER, window=HISTORY)).model
-    return NeuralPredictor(model)
+    return NeuralPredictor.of(model)
 
 
 def _payload_filter(flights: Sequence[Opened]) -> PayloadFilter:

@@ -37,13 +37,14 @@ from np_drake.lifting.model.lifted_model import (
     load_model,
     save_model,
 )
+from np_drake.lifting.model.lpv_model import NEURAL_LPV
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMA, PayloadFilterModel
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
 from np_drake.residual_models.motion_model import KNODE, REACTIONS
 from np_drake.skill.skill import Model, diverged, score_flights
-from np_drake.trained_model import rotor_lag_of, schema_of
+from np_drake.trained_model import delay_of, rotor_lag_of, schema_of
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.segments import Flight, WrenchSequence, require_motion, require_torque
 from np_drake.vehicle import Vehicle, load_vehicle
@@ -93,7 +94,8 @@ def train(
             metavar="N",
             min=1,
             max=10_000,
-            help="Fly N simulated payloads and learn the priors of payload_filter from them.",
+            help="Fly N simulated payloads and learn from them: the priors of payload_filter, or "
+            "the network of neural-lpv.",
         ),
     ] = None,
     step: Step = None,
@@ -122,8 +124,8 @@ def train(
     if configuration is None:
         say(f"configuration: {name}, as the wrenches are in {frame} axes.")
     require(
-        name == PAYLOAD_FILTER or not envelope,
-        f"--envelope: must be of {PAYLOAD_FILTER}; got {name}.",
+        name in (PAYLOAD_FILTER, NEURAL_LPV) or not envelope,
+        f"--envelope: must be of {PAYLOAD_FILTER} or {NEURAL_LPV}; got {name}.",
     )
     flown = flights[0].vehicle if flights else load_vehicle(vehicle) if vehicle else Vehicle()
     step = step or sampling_period(flown)
@@ -135,6 +137,10 @@ def train(
 
             learned, loss = train_on_envelope(envelope, run=run, vehicle=flown)
         learnt = _learn_vehicle(flights, out, step=step, learned=learned, loss=loss)
+    elif name == NEURAL_LPV:
+        learnt = _learn_network(
+            flights, out, run=run, step=step, epochs=epochs, envelope=envelope, vehicle=flown
+        )
     elif name in REACTIONS:
         learnt = _learn_reaction(name, flights, out, step=step, seed=run.seed, epochs=epochs)
     else:
@@ -206,6 +212,36 @@ def _learn_vehicle(
         ("delay of commands [ms]", f"{1e3 * found.delay:.1f}"),
     ]
     return Learnt(found.summary, ["vehicle", "found"], rows, loss)
+
+
+def _learn_network(
+    flights: Sequence[Flight],
+    out: Path,
+    *,
+    run: Run,
+    step: float,
+    epochs: int | None,
+    envelope: int | None,
+    vehicle: Vehicle,
+) -> Learnt:
+    """Train a network on the envelope, or take the packaged one, and fit it to the vehicle of the
+    flights.
+    """
+    from diagrams.studies.learning import packaged_network, train_network_on_envelope
+    from np_drake.residual_models.predictor_training import fitted_lpv
+
+    model, loss = None, list[float]()
+    if envelope:
+        model, loss = train_network_on_envelope(envelope, run=run, vehicle=vehicle, epochs=epochs)
+    if flights:
+        model = fitted_lpv(model or packaged_network(), flights, step)
+    assert model is not None
+    save_model(model, out)
+    rows: list[tuple] = [
+        ("rotor lag [ms]", f"{1e3 * rotor_lag_of(model):.1f}"),
+        ("delay of commands [ms]", f"{1e3 * (delay_of(model) or 0.0):.1f}"),
+    ]
+    return Learnt(model.summary, ["vehicle", "found"], rows, loss)
 
 
 def _learn_reaction(

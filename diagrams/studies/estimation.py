@@ -18,7 +18,7 @@ import pandas as pd
 from diagrams.batch.run import Case, Report, Run, every_result, require
 from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, required, tabulate
 from np_drake.files.number_text import NOTHING
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, Predictor
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.logs.formats.neurobem import read_training, read_wrenches, table_files
 from np_drake.residual_models.flight_forecasts import model_predictions
@@ -79,7 +79,7 @@ def part(segment: Segment, start: int, stop: int) -> Segment:
     return Segment(segment.chi[start:stop], segment.zeta[start:stop], segment.step)
 
 
-def trained(run: Run, training: Segment) -> tuple[dict[str, LiftedModel], dict[str, dict]]:
+def trained(run: Run, training: Segment) -> tuple[dict[str, Predictor], dict[str, dict]]:
     """Train our rows on ten seconds of one segment; return models and settings by configuration."""
     segments, settings = [part(training, 0, LEARNED)], configs(run.seed)
     with run.bar("training", 1.0):
@@ -87,18 +87,18 @@ def trained(run: Run, training: Segment) -> tuple[dict[str, LiftedModel], dict[s
     return models, {name: dc.asdict(config) for name, config in settings.items()}
 
 
-def forecasts(model: LiftedModel, flight: Segment, origins: np.ndarray, ahead: int) -> np.ndarray:
+def forecasts(model: Predictor, flight: Segment, origins: np.ndarray, ahead: int) -> np.ndarray:
     """Return forecasts of the label so many steps ahead, (o, 1, 6), force and torque predicted and
     zeta held; ValueError if the flight is too short.
     """
     least = model.window + 2
     require(len(flight) >= least, f"at least {least} samples are needed; got {len(flight)}.")
-    predictor = NeuralPredictor(model)
+    predictor = NeuralPredictor.of(model)
     return model_predictions(predictor, flight.chi, flight.zeta, origins, [ahead], zeta_known=False)
 
 
 def flight_errors(
-    case: Case, *, models: Mapping[str, LiftedModel], flown: Mapping[str, Segment], first: int
+    case: Case, *, models: Mapping[str, Predictor], flown: Mapping[str, Segment], first: int
 ) -> dict:
     """Return of a case {"flight", "model": configuration} the errors by column of forecasts one
     step ahead, from every origin of the flight from the first on.
@@ -112,7 +112,7 @@ Cells = dict[str, dict[str, dict[str, float]]]  # flight -> row -> column -> RMS
 
 
 def estimation_table(
-    run: Run, models: Mapping[str, LiftedModel], flown: Mapping[str, Segment], config: dict
+    run: Run, models: Mapping[str, Predictor], flown: Mapping[str, Segment], config: dict
 ) -> Cells:
     """Return the errors of every flight, row and column, over every origin from where all models
     forecast on.

@@ -12,20 +12,27 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from diagrams.batch.run import FailedRun, Run, as_they_finish, require
-from diagrams.loop.controller_config import FILTER_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.studies.draws import Envelope, drawn_flight
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import save_model
+from np_drake.lifting.model.lifted_model import load_model, save_model
+from np_drake.lifting.model.lpv_model import NEURAL_LPV, LpvModel
 from np_drake.lifting.training.train import make_config
 from np_drake.metrics import tracking_errors
 from np_drake.payload_filter.bank_options import CONDITIONAL, BankOptions, Prior
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_models.motion_model import REACTIONS
-from np_drake.residual_models.predictor_training import train_motion_model, train_on_flights
+from np_drake.residual_models.predictor_training import (
+    fitted_lpv,
+    train_motion_model,
+    train_on_flights,
+)
 from np_drake.training_data.segments import Flight
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios
@@ -37,6 +44,9 @@ SETTLED = 3.0  # after the ramp, before errors count, of the paper's vehicle [s]
 FAR = 0.03
 OTHERS = ("log_length", "change", "damping")  # that are learned, beside those of each condition
 FACTOR = 2.5  # by which a parameter is tried larger and smaller; own choice [1]
+# Controllers that fly what teaches a network, and the share of each; how long they fly after the
+# ramp, of the paper's vehicle [s]; stream of the draw; own choices
+TEACHERS, TAUGHT, TEACHING = {PAYLOAD_FILTER: 0.7, "hold": 0.3}, 14.0, 7
 GAIN = 0.002  # share of the error that a change must take away; own choice: less is chance [1]
 
 
@@ -45,7 +55,7 @@ def train_model(
 ) -> dict[str, Any]:
     """Train on the flight's log after the ramp, write the model file, and return its summary.
 
-    `payload_filter` takes the bank of the packaged model.
+    `payload_filter` takes the bank of the packaged model, `neural-lpv` its network.
     Raises: ValueError: on an unknown configuration.
     """
     controller, vehicle, log = flight.config.controller, flight.config.vehicle, scored_log(flight)
@@ -59,6 +69,10 @@ def train_model(
         filters = train_payload_filter([(log, vehicle)], step=step, prior=prior)
         filters.save(path)
         return filters.summary
+    if configuration == NEURAL_LPV:
+        fitted = fitted_lpv(packaged_network(), flights, step)
+        save_model(fitted, path)
+        return fitted.summary
     config = make_config(configuration, seed=seed)
     model = train_on_flights(flights, config, step=step, label=label).model
     save_model(model, path)
@@ -69,6 +83,57 @@ def scored_log(flight: FlightResult) -> FlightLog:
     """Return the flight's log after the ramp."""
     log = flight.log()
     return log.rows(int(flight.scored.argmax()), len(log))
+
+
+def packaged_network() -> LpvModel:
+    """Return the network of the packaged model."""
+    model = load_model(NP_MODEL)
+    assert isinstance(model, LpvModel)
+    return model
+
+
+def drawn_log(number: int, *, seed: int, vehicle: Vehicle) -> FlightLog | None:
+    """Return the log of a drawn flight that a common controller flies; None where it cannot fly
+    what was drawn, or is lost.
+    """
+    rng = np.random.default_rng([seed, number, TEACHING])
+    try:
+        _, config = drawn_flight(number, Envelope(), seed=seed, vehicle=vehicle)
+        config.controller.kind = str(rng.choice(list(TEACHERS), p=list(TEACHERS.values())))
+        config.duration = TAUGHT * ratios(vehicle).time
+        return fly(config.check(), seed=number).log()
+    except (ValueError, FailedRun):
+        return None
+
+
+def train_network_on_envelope(
+    count: int, *, run: Run, vehicle: Vehicle, epochs: int | None
+) -> tuple[LpvModel, list[float]]:
+    """Return the network of a simulated vehicle that `count` drawn flights teach, and its loss now
+    and then; the timing of commands is that of its training circle.
+    """
+    circle = fly(load_experiment(TRAINING, vehicle), seed=run.seed)
+    step, flights = circle.config.controller.period, [Flight(scored_log(circle), vehicle)]
+    work = partial(drawn_log, seed=run.seed, vehicle=vehicle)
+    logs = dict[int, FlightLog]()
+    with run.bar("flying the envelope", count) as advance:
+        for done, (number, log) in enumerate(
+            as_they_finish(work, range(count), run.workers.jobs), 1
+        ):
+            if isinstance(log, FlightLog):
+                logs[number] = log
+            advance(done, f"{len(logs)} flown")
+    flights += [Flight(logs[number], vehicle) for number in sorted(logs)]
+    with run.bar("training the network", 1.0) as advance:
+        result = train_on_flights(
+            flights,
+            make_config(NEURAL_LPV, seed=run.seed, epochs=epochs),
+            step=step,
+            on_epoch=lambda done, total, loss: advance(done / total, f"loss {loss:.4g}"),
+        )
+    learned = {"flights": len(flights), "seed": run.seed}
+    model: Any = result.model
+    return dc.replace(model, summary={**model.summary, "learned": learned}), result.loss
 
 
 def flown_error(

@@ -43,6 +43,7 @@ from diagrams.studies.sweep import (
 from np_drake import metrics
 from np_drake.files.figure_file import Figure, Panel, panel_figure
 from np_drake.files.number_text import NOTHING
+from np_drake.lifting.model.lpv_model import NEURAL_LPV
 from np_drake.lifting.training.train import make_config
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.residual_models.motion_model import GP, KNODE
@@ -58,7 +59,7 @@ PAPER = {
     "knode": {"circle": (0.0919, 0.1307), "lemniscate": (0.1503, 0.1406)},
     "np": {"circle": (0.0837, 0.0758), "lemniscate": (0.0849, 0.0591)},
 }
-PACKAGED = "neural-window"  # configuration of the row `np`, and of the packaged model
+PACKAGED = NEURAL_LPV  # configuration of the row `np`, and of the packaged model
 DRAWN = ("nominal", "gp", "knode", "np")  # rows of the figure, the paper's controllers
 ROWS = (
     Row("nominal", "nominal"),

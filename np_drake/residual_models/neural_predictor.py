@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.linalg import lapack
@@ -13,7 +14,8 @@ from np_drake.lifting.model.lifted_linear_system import (
     advance,
     stabilized,
 )
-from np_drake.lifting.model.lifted_model import NEURAL_WINDOW, LiftedModel, load_model
+from np_drake.lifting.model.lifted_model import LiftedModel, load_model
+from np_drake.lifting.model.lpv_model import DECAYS, NEW, PARAMETERS, Features, K, LpvModel
 from np_drake.residual_model import Memory, Sample, WrenchForecast
 from np_drake.trained_model import delay_of, label_of, rotor_lag_of
 
@@ -21,51 +23,51 @@ CUTOFF = 4.0  # of the low-pass on held labels [Hz]
 
 
 class NeuralPredictor:
-    """Predictor z = Phi(window);  z+ = A z + B zeta;  chi_hat = C z.
+    """Predictor z = Phi(window);  z+ = A z + B zeta;  chi_hat = C z, whatever Phi, A and B are.
 
-    A label that is known to be late is lifted at its own time, and z then taken to the present with
-    the zeta since.
-
-    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) change
-    in flight, these, and rows (refit, K + 6), what the refit reads of each sample, lifted once,
-    zero before the first window was full; lowpass (6,) of the labels; count of samples in the
-    window, up to W; labels so far; gap: samples in a row just now without label or state; where the
-    model has a `trust`, its memory, as trust/…. Until the window is full the forecast holds
-    `lowpass`, and afterwards that of channels that C does not read. A missing label is filled with
-    the model's own prediction, a missing state with the last zeta; after W samples in a row
-    without, the window starts afresh.
+    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); lowpass (6,) of the labels; count
+    of samples since it began; labels so far; gap: samples in a row just now without label or state;
+    and what a subclass adds. The forecast holds `lowpass` before the first z, and afterwards that
+    of channels that C does not read. A missing label is filled with the model's own prediction, a
+    missing state with the last zeta; after W samples in a row without, the window starts afresh.
     Source: Jin et al. 2025, eq. (nmpc).
 
     Args:
-        model: of any configuration.
+        model: in a file with the low-pass, rotor lag and delay of its labels.
+        held: (6,) channels of chi that C does not read.
+        enough: samples from which the first z is made.
+        longest: samples beyond which `count` stays.
     """
 
-    def __init__(self, model: LiftedModel):
-        self.name = "np" if model.configuration == NEURAL_WINDOW else model.configuration
-        self.model, self.step = model, model.step
+    def __init__(self, model: LiftedModel | LpvModel, held: np.ndarray, enough: int, longest: int):
+        self.model: Any = model
+        self.name = model.configuration
+        self.step = model.step
         # What its labels are made with
         self.label = label_of(model)
         self.rotor_lag = rotor_lag_of(model)  # [s]
         self.delay = delay_of(model)  # of commands [s]
         self._blend = 1.0 - np.exp(-2 * np.pi * CUTOFF * model.step)
-        self._held = ~model.system.C.any(axis=1)  # channels of chi
-        self._refit = WindowRefit(model) if model.refit else None
-        # Constants by stride, computed when first asked for
-        self._resampled_offline: dict[int, LiftedLinearSystem] = {}
+        self._held, self._enough, self._longest = held, enough, longest
+        self._rows = model.window
 
-    @classmethod
-    def load(cls, path: str | Path) -> "NeuralPredictor":
-        """Return the predictor of a model file.
+    @staticmethod
+    def load(path: str | Path) -> "NeuralPredictor":
+        """Return the predictor of a model file of any configuration.
 
         Raises: ValueError: one line, on a bad file.
         """
-        return cls(load_model(path))
+        return NeuralPredictor.of(load_model(path))
+
+    @staticmethod
+    def of(model: LiftedModel | LpvModel) -> "NeuralPredictor":
+        """Return the predictor of a model of any configuration."""
+        return LpvPredictor(model) if isinstance(model, LpvModel) else LiftedPredictor(model)
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample, whose forecast is zero."""
         scalars = {name: np.zeros(1) for name in ("count", "labels", "gap")}
-        window = np.zeros((self.model.window, 12))
-        memory = {"window": window, "z": np.zeros(self.model.system.K), "lowpass": np.zeros(6)}
+        memory = {"window": np.zeros((self._rows, 12)), "lowpass": np.zeros(6)}
         return memory | scalars | self._afresh()
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
@@ -79,14 +81,15 @@ class NeuralPredictor:
         if new["count"][0] == 0:
             return new | self._afresh()
         chi = label if labelled else self._own_prediction(memory)
-        row = np.concatenate([chi, zeta if seen else memory["window"][-1, 6:]])
-        new["window"] = np.concatenate([memory["window"][1:], row[None]])
+        row = np.concatenate([chi, zeta if seen else memory["window"][-1, 6:]])[None]
+        before = memory["window"][1:] if memory["count"][0] else np.repeat(row, self._rows - 1, 0)
+        new["window"] = np.concatenate([before, row])
         return new | self._lifted(new, labelled=labelled)
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast from the lifted state.
 
-        Channels that C does not read, and all before the window is full, are held in `offset`.
+        Channels that C does not read, and all before the first z, are held in `offset`.
         """
         offset, system, z = memory["lowpass"].copy(), self._resampled(memory, stride), memory["z"]
         if self._warm(memory):
@@ -97,16 +100,77 @@ class NeuralPredictor:
 
     def system(self, memory: Memory) -> LiftedLinearSystem:
         """Return the lifted linear system in use now, at the model's step."""
+        raise NotImplementedError
+
+    def _afresh(self) -> Memory:
+        """Return z and what else begins anew with the window."""
+        raise NotImplementedError
+
+    def _lifted(self, new: Memory, *, labelled: bool) -> Memory:
+        """Return z, where there are samples enough, and what else changes with the newest one."""
+        raise NotImplementedError
+
+    def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
+        return self.system(memory).resample(stride)
+
+    def _before_label(self, memory: Memory) -> tuple[np.ndarray, np.ndarray]:
+        """Return z and zeta one step before the next label's time."""
+        return memory["z"], memory["window"][-1, 6:]
+
+    def _own_prediction(self, memory: Memory) -> np.ndarray:
+        """Return what the model expected for this sample before it came, (6,)."""
+        if not self._warm(memory):
+            return memory["lowpass"]
+        s, (z, zeta) = self.system(memory), self._before_label(memory)
+        return np.where(self._held, memory["lowpass"], s.C @ (s.A @ z + s.B @ zeta))
+
+    def _counted(self, memory: Memory, labelled: bool, complete: bool) -> Memory:
+        """Return the counters after one more sample."""
+        gap = np.zeros(1) if complete else memory["gap"] + 1.0
+        lost = gap[0] >= self._rows or (not complete and memory["count"][0] == 0)
+        return {
+            "gap": gap,
+            "count": np.zeros(1) if lost else np.minimum(memory["count"] + 1.0, self._longest),
+            "labels": memory["labels"] + float(labelled),
+        }
+
+    def _warm(self, memory: Memory) -> bool:
+        """Return whether there are samples enough for a forecast."""
+        return bool(memory["count"][0] >= self._enough)
+
+
+class LiftedPredictor(NeuralPredictor):
+    """Predictor of one system, or of one that is refit in flight.
+
+    A label that is known to be late is lifted at its own time, and z then taken to the present with
+    the zeta since.
+
+    Memory: as of `NeuralPredictor`; where A (K, K) and B (K, 6) change in flight, these, and rows
+    (refit, K + 6), what the refit reads of each sample, lifted once, zero before the first window
+    was full; where the model has a `trust`, its memory, as trust/….
+
+    Args:
+        model: `paper` or `mode-dictionary`.
+    """
+
+    def __init__(self, model: LiftedModel):
+        held = np.all(model.system.C == 0.0, axis=1)
+        super().__init__(model, held, enough=model.window, longest=model.window)
+        self._refit = WindowRefit(model) if model.refit else None
+        # Constants by stride, computed when first asked for
+        self._resampled_offline: dict[int, LiftedLinearSystem] = {}
+
+    def system(self, memory: Memory) -> LiftedLinearSystem:
+        """Return the lifted linear system in use now, at the model's step."""
         s = self.model.system
         return LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step) if "A" in memory else s
 
     def _afresh(self) -> Memory:
-        """Return what the refit and the trust start from."""
-        memory = {} if self._refit is None else self._refit.initial_memory()
+        memory = {"z": np.zeros(self.model.system.K)}
+        memory |= {} if self._refit is None else self._refit.initial_memory()
         return memory if self.model.trust is None else memory | self.model.trust.initial_memory()
 
     def _lifted(self, new: Memory, *, labelled: bool) -> Memory:
-        """Return z, once the window is full, and what else changes with its newest sample."""
         model, window = self.model, new["window"]
         z = model.encoder(model.in_time(window)) if self._warm(new) else None
         if model.trust is not None:
@@ -118,35 +182,49 @@ class NeuralPredictor:
         system = self.system(new | found)
         return found | {"z": advance(z, system.A, system.B, model.since_label(window))}
 
-    def _counted(self, memory: Memory, labelled: bool, complete: bool) -> Memory:
-        """Return the counters after one more sample."""
-        W = self.model.window
-        gap = np.zeros(1) if complete else memory["gap"] + 1.0
-        lost = gap[0] >= W or (not complete and memory["count"][0] == 0)
-        return {
-            "gap": gap,
-            "count": np.zeros(1) if lost else np.minimum(memory["count"] + 1.0, W),
-            "labels": memory["labels"] + float(labelled),
-        }
-
-    def _warm(self, memory: Memory) -> bool:
-        """Return whether there are samples enough for a forecast."""
-        return bool(memory["count"][0] >= self.model.window)
-
-    def _own_prediction(self, memory: Memory) -> np.ndarray:
-        """Return what the model expected for this sample before it came, (6,)."""
-        if not self._warm(memory):
-            return memory["lowpass"]
-        s, zeta = self.system(memory), memory["window"][-1 - self.model.late, 6:]
-        z = memory["rows"][-1, : s.K] if self._refit else memory["z"]  # at the time of the label
-        return np.where(self._held, memory["lowpass"], s.C @ (s.A @ z + s.B @ zeta))
+    def _before_label(self, memory: Memory) -> tuple[np.ndarray, np.ndarray]:
+        z = memory["rows"][-1, : self.model.system.K] if self._refit else memory["z"]
+        return z, memory["window"][-1 - self.model.late, 6:]
 
     def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
         if "A" in memory:
-            return self.system(memory).resample(stride)
+            return super()._resampled(memory, stride)
         if stride not in self._resampled_offline:
             self._resampled_offline[stride] = self.model.system.resample(stride)
         return self._resampled_offline[stride]
+
+
+class LpvPredictor(NeuralPredictor):
+    """Predictor whose A, B and C a network writes at every sample.
+
+    Memory: as of `NeuralPredictor`, the window of 100 samples, before it is full the first one in
+    the place of those that lack; theta, what the network wrote; energy (2, P + 2), decaying means
+    that it reads.
+    """
+
+    def __init__(self, model: LpvModel):
+        super().__init__(model, np.arange(6) == 5, enough=1, longest=int(10 * NEW))
+        self.name = "np"
+
+    def system(self, memory: Memory) -> LiftedLinearSystem:
+        """Return the lifted linear system in use now, at the model's step."""
+        return self.model.system(memory["theta"])
+
+    def _afresh(self) -> Memory:
+        return {
+            "z": np.zeros(K),
+            "theta": np.zeros(PARAMETERS),
+            "energy": np.zeros((len(DECAYS), self.model.probes.shape[1] + 2)),
+        }
+
+    def _lifted(self, new: Memory, *, labelled: bool) -> Memory:
+        window = new["window"] / self.model.scale
+        features, decay = Features.of(window), DECAYS[:, None]
+        energy = decay * new["energy"] + (1 - decay) * self.model.energies(features)
+        mean, age = energy / (1 - decay ** new["count"]), np.minimum(new["count"], NEW) / NEW
+        states, theta = self.model.schedule(features.planes, features.heave, mean, age)
+        z = np.concatenate([states, window[-2, 6:9]])
+        return {"z": z, "theta": theta, "energy": energy}
 
 
 class WindowRefit:

@@ -13,8 +13,9 @@ import torch
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.labels import RAW, LabelConfig, default_labels
+from np_drake.lifting.model.lpv_model import LpvModel, units
 from np_drake.lifting.training.excitation import excitation
-from np_drake.lifting.training.neural_window import NeuralWindowConfig
+from np_drake.lifting.training.neural_lpv import NeuralLpvConfig
 from np_drake.lifting.training.paper_training import descend_once
 from np_drake.lifting.training.train import Config, TrainingResult, configured, train
 from np_drake.residual_models.motion_model import (
@@ -31,6 +32,9 @@ from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.actuator_timing import delayed, delays_sought, learned_timing
 from np_drake.training_data.segments import Flight, WrenchSequence, finite_runs, group_scale
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import ratios
+
+TIMED = 10  # flights at most that tell how late commands act: more take long
 
 
 def train_on_flights(
@@ -49,22 +53,48 @@ def train_on_flights(
         on_epoch: as of `train`.
     Raises: ValueError: if the flights are unusable.
     """
-    raw = isinstance(config, NeuralWindowConfig)
-    label = RAW if raw else label
-    delays = delays_sought(step) if raw else [0.0]
-    lag, delay = learned_timing(
-        [(with_accelerations(f.data), f.vehicle) for f in flights if isinstance(f.data, FlightLog)],
-        delays,
-    )
+    vehicle, delays = flights[0].vehicle, [0.0]
+    if isinstance(config, NeuralLpvConfig):
+        label, delays = RAW, delays_sought(step)
+        config = dc.replace(config, mass=vehicle.mass, clock=ratios(vehicle).clock)
+    timing = _timing(flights, delays)
     segments = []
     for f in flights:
-        data = delayed(f.data, delay) if isinstance(f.data, FlightLog) else f.data
-        segments += Flight(data, with_rotor_lag(f.vehicle, lag)).segments(step, label)
+        late = timing.get("command_delay", 0.0)
+        data = delayed(f.data, late) if isinstance(f.data, FlightLog) else f.data
+        lagging = with_rotor_lag(f.vehicle, timing["rotor_lag"])
+        segments += Flight(data, lagging).segments(step, label)
     result = train(segments, config, on_epoch=on_epoch)
-    vehicle = flights[0].vehicle
     origin = origin_of(flights[0].frame, vehicle, label or default_labels(vehicle))
-    found = {"rotor_lag": lag, **({"command_delay": delay} if raw else {})}
-    return dc.replace(result, model=with_origin(result.model, origin, **found))
+    return dc.replace(result, model=with_origin(result.model, origin, **timing))
+
+
+def _timing(flights: Sequence[Flight], delays: Sequence[float]) -> dict[str, float]:
+    """Return how late commands act in the flights, by name.
+
+    Args:
+        delays: that are tried; of one alone, nothing is said.
+    """
+    told = [
+        (with_accelerations(f.data), f.vehicle) for f in flights if isinstance(f.data, FlightLog)
+    ]
+    lag, delay = learned_timing(told[:TIMED], delays)
+    return {"rotor_lag": lag} | ({"command_delay": delay} if len(delays) > 1 else {})
+
+
+def fitted_lpv(prior: LpvModel, flights: Sequence[Flight], step: float) -> LpvModel:
+    """Return the network for the vehicle of `flights`, with its units and the timing of its
+    commands; what a payload does it has learnt from others.
+
+    Args:
+        step: time between samples [s].
+    """
+    vehicle = flights[0].vehicle
+    scale = units(vehicle.mass, ratios(vehicle).clock)
+    summary = {**prior.summary, "samples": sum(len(flight.data) for flight in flights)}
+    model = dc.replace(prior, scale=scale, step=step, summary=summary)
+    origin = origin_of(flights[0].frame, vehicle, RAW)
+    return with_origin(model, origin, **_timing(flights, delays_sought(step)))
 
 
 @dc.dataclass(frozen=True)

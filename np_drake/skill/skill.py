@@ -9,6 +9,7 @@ import numpy as np
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_model import LiftedModel
+from np_drake.lifting.model.lpv_model import LpvModel
 from np_drake.logs.formats.neurobem import TESTS
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
@@ -181,7 +182,7 @@ def ratio_interval(square: np.ndarray, reference: np.ndarray, horizons: list[int
 
 
 WARM_UP = 40  # samples before the first origin, at least [1]
-Model = LiftedModel | PayloadFilterModel
+Model = LiftedModel | LpvModel | PayloadFilterModel
 Predictor = NeuralPredictor | PayloadFilter
 DIVERGED = 10.0  # longest forecast over longest label from which a flight counts as diverged [1]
 STEP_TOLERANCE = 0.02  # between a model's step and an array's [1]
@@ -234,7 +235,7 @@ def predictor_of(model: Model) -> Predictor:
     """Return the predictor of a model, which predicts force and torque."""
     if isinstance(model, PayloadFilterModel):
         return PayloadFilter(model)
-    return NeuralPredictor(model)
+    return NeuralPredictor.of(model)
 
 
 def _longest_flown(flight: Flight, predictor: Predictor) -> tuple[Segment, SampledFlight]:

@@ -13,6 +13,7 @@ from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedMo
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Plan, ReadsPlan, Sample, constant_forecast
 from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.neural_predictor import LiftedPredictor
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.vehicle import Vehicle
 from systems.neural_predictor import NeuralPredictor
@@ -81,7 +82,7 @@ def lifted_predictor():
     rng = np.random.default_rng(0)
     system = LiftedLinearSystem(0.9 * np.eye(6), 0.1 * np.eye(6), np.eye(6), 0.02)
     encoder = Encoder(rng.normal(size=(6, 12 * D)))
-    return NeuralPredictorModel(LiftedModel(MODE_DICTIONARY, system, encoder))
+    return LiftedPredictor(LiftedModel(MODE_DICTIONARY, system, encoder))
 
 
 def packaged():
@@ -126,7 +127,7 @@ def test_one_step_of_the_context_is_a_step_of_the_lifted_linear_system():
     law = LiftedLinearSystem(np.diag(rng.uniform(0.5, 0.9, 6)), rng.normal(size=(6, 6)), eye, 0.02)
     E, weights = np.eye(6, 12 * D, 12 * (D - 1)), (np.vstack([eye, -eye]), np.hstack([eye, -eye]))
     encoder = Encoder(E, weights, skip=False)
-    model = NeuralPredictorModel(LiftedModel(PAPER, law, encoder, refit=8, ridge=1.0))
+    model = LiftedPredictor(LiftedModel(PAPER, law, encoder, refit=8, ridge=1.0))
     dut, context = on_labels(NeuralPredictor(model, horizon=2, stride=1))
     chi, before = CHI, np.zeros(6)
     for k, zeta in enumerate(rng.normal(size=(20, 6))):

@@ -163,19 +163,17 @@ def advance(z: np.ndarray, A: np.ndarray, B: np.ndarray, zeta: np.ndarray) -> np
 class Encoder:
     """Map from a window w of the last D samples of [chi, zeta], oldest first, to z.
 
-        eta = E w + offset,   z = skip eta + mean over the images T of N(eta T) T'
+        eta = E w + offset,   z = skip eta + N(eta)
         N(eta) = W^(L+1) relu(W^L … relu(W^1 eta))
 
-    N is a multilayer perceptron without bias; without layers z is eta. The images are what turns
-    and mirrors do to eta, so that z turns as the samples do.
-    Source: Jin et al. 2025, eq. (dnn), of one sample of chi; window, skip and images are own choices.
-    """  # noqa: E501
+    N is a multilayer perceptron without bias; without layers z is eta.
+    Source: Jin et al. 2025, eq. (dnn), of one sample of chi; window and skip are own choices.
+    """
 
     E: np.ndarray  # (F, 12 D) per [N, N·m, m/s, rad/s]
     weights: tuple[np.ndarray, ...] = ()  # (out, in) matrices
     offset: np.ndarray | None = None  # (F,), None for zero
     skip: bool = True
-    images: np.ndarray | None = None  # (G, F, F) orthogonal, None for eta as it is
 
     def __post_init__(self):
         F = width = len(self.E)
@@ -189,26 +187,20 @@ class Encoder:
                 f"Encoder: each layer must take the {width} outputs before it; got {W.shape}.",
             )
             width = len(W)
-        alike = self.skip or self.images is not None
         require(
-            not alike or width == F,
+            not self.skip or width == F,
             f"Encoder: the last layer must have as many outputs as E, {F}; got {width}.",
         )
         require(
             self.offset is None or self.offset.shape == (F,),
             f"Encoder: offset must be ({F},), one a row of E.",
         )
-        require(
-            self.images is None or self.images.shape[1:] == (F, F),
-            f"Encoder: images must be (G, {F}, {F}).",
-        )
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Return the arrays that a model file holds, by name."""
         arrays = {"E": self.E, "skip": np.array([float(self.skip)])}
         arrays |= {f"W{i}": W for i, W in enumerate(self.weights)}
-        more = {"offset": self.offset, "images": self.images}
-        return arrays | {name: value for name, value in more.items() if value is not None}
+        return arrays if self.offset is None else arrays | {"offset": self.offset}
 
     @classmethod
     def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "Encoder":
@@ -216,7 +208,7 @@ class Encoder:
         layers = range(sum(name.startswith("W") for name in tensors))
         weights = tuple(tensors[f"W{i}"] for i in layers)
         skip = bool(tensors["skip"].item())
-        return cls(tensors["E"], weights, tensors.get("offset"), skip, tensors.get("images"))
+        return cls(tensors["E"], weights, tensors.get("offset"), skip)
 
     @property
     def delay(self) -> int:
@@ -235,17 +227,11 @@ class Encoder:
             eta = eta + self.offset
         if not self.weights:
             return eta
-        if self.images is None:
-            z = self._perceptron(eta)
-        else:
-            turned = self._perceptron(np.tensordot(eta, self.images, axes=(-1, 1)))
-            z = np.tensordot(turned, self.images, axes=([-2, -1], [0, 2])) / len(self.images)
-        return eta + z if self.skip else z
-
-    def _perceptron(self, value: np.ndarray) -> np.ndarray:
+        z = eta
         for W in self.weights[:-1]:
-            value = np.maximum(value @ W.T, 0.0)
-        return value @ self.weights[-1].T
+            z = np.maximum(z @ W.T, 0.0)
+        z = z @ self.weights[-1].T
+        return eta + z if self.skip else z
 
 
 @dc.dataclass(frozen=True)

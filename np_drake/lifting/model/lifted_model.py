@@ -8,10 +8,17 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Trust
-from np_drake.trained_model import STEPS, number_in, read_model, summary_in, write_model
+from np_drake.lifting.model.lpv_model import (
+    LPV_SCHEMA,
+    NEURAL_LPV,
+    LpvModel,
+    lpv_model_of,
+    lpv_tensors,
+)
+from np_drake.trained_model import STEPS, number_in, read_model, schema_of, summary_in, write_model
 
-PAPER, NEURAL_WINDOW, MODE_DICTIONARY = "paper", "neural-window", "mode-dictionary"
-CONFIGURATIONS = (PAPER, NEURAL_WINDOW, MODE_DICTIONARY)
+PAPER, MODE_DICTIONARY = "paper", "mode-dictionary"
+CONFIGURATIONS = (PAPER, NEURAL_LPV, MODE_DICTIONARY)
 
 
 @dc.dataclass(frozen=True)
@@ -77,6 +84,9 @@ class LiftedModel:
         return window[..., n - 1 - self.late : n - 1, 6:]
 
 
+Predictor = LiftedModel | LpvModel  # of any configuration
+
+
 def require_configuration(name: str) -> None:
     """Check that a configuration of that name exists.
 
@@ -95,10 +105,13 @@ LONGEST, LARGEST_RIDGE = 10_000, 1e12
 SCHEMA = "np_drake.lifted_model/2"  # format of the file and its version
 
 
-def save_model(model: LiftedModel, path: str | Path) -> None:
+def save_model(model: Predictor, path: str | Path) -> None:
     """Write the model file, whole or not at all.
     Raises: OSError: if it cannot be written.
     """
+    if isinstance(model, LpvModel):
+        header = {"step": model.step, "summary": model.summary}
+        return write_model(lpv_tensors(model), LPV_SCHEMA, header, path)
     s = model.system
     tensors = {
         "A": s.A,
@@ -122,11 +135,13 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
     write_model(tensors, SCHEMA, header, path)
 
 
-def load_model(path: str | Path) -> LiftedModel:
+def load_model(path: str | Path) -> Predictor:
     """Return the model in a file.
 
     Raises: ValueError: as `read_model`.
     """
+    if schema_of(path) == LPV_SCHEMA:
+        return read_model(path, LPV_SCHEMA, lpv_model_of)
     return read_model(path, SCHEMA, _model)
 
 

@@ -5,22 +5,23 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from np_drake.checks import require
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, NEURAL_WINDOW, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
+from np_drake.lifting.model.lpv_model import NEURAL_LPV, LpvModel
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.mode_dictionary import ModeDictionaryConfig, train_mode_dictionary
-from np_drake.lifting.training.neural_window import NeuralWindowConfig, train_neural_window
+from np_drake.lifting.training.neural_lpv import NeuralLpvConfig, train_neural_lpv
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
 from np_drake.training_data.segments import Segment
 
 C = TypeVar("C")
-Config = ModeDictionaryConfig | NeuralWindowConfig | PaperConfig
+Config = ModeDictionaryConfig | NeuralLpvConfig | PaperConfig
 DEFAULT_CONFIG = PaperConfig()
 CONFIGURATIONS: dict[str, Config] = {
     PAPER: DEFAULT_CONFIG,
-    NEURAL_WINDOW: NeuralWindowConfig(),
+    NEURAL_LPV: NeuralLpvConfig(),
     MODE_DICTIONARY: ModeDictionaryConfig(),
 }
-AXES = {NEURAL_WINDOW: "world", MODE_DICTIONARY: "body"}  # that a configuration needs
+AXES = {NEURAL_LPV: "world", MODE_DICTIONARY: "body"}  # that a configuration needs
 IN_BODY_AXES: dict[str, Any] = {"symmetric": False, "lags": (0,)}  # settings of `paper`
 
 
@@ -28,7 +29,7 @@ IN_BODY_AXES: dict[str, Any] = {"symmetric": False, "lags": (0,)}  # settings of
 class TrainingResult:
     """Result of one training run."""
 
-    model: LiftedModel  # the trained predictor
+    model: LiftedModel | LpvModel  # the trained predictor
     loss: list[float]  # after each epoch [1]
 
 
@@ -89,8 +90,8 @@ def configured(configurations: Mapping[str, C], name: str, settings: Mapping[str
     return dc.replace(config, **settings)
 
 
-_TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
+_TRAINERS: dict[type, Callable[..., tuple[Any, list[float]]]] = {
     ModeDictionaryConfig: train_mode_dictionary,
-    NeuralWindowConfig: train_neural_window,
+    NeuralLpvConfig: train_neural_lpv,
     PaperConfig: train_paper,
 }

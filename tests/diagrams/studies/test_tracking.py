@@ -61,11 +61,11 @@ def test_the_verb_trains_each_once_and_prints_and_writes_the_same_table(
     assert [row[1] for row in rows] == ["controller", *2 * ["nominal", "np", "payload_filter"]]
     content = json.loads(metrics.read_text())
     assert (content["config"]["training_seed"], content["config"]["seeds"]) == (40, [41])
-    assert set(content["config"]["configurations"]) == {"neural-window", "payload_filter"}
+    assert set(content["config"]["configurations"]) == {"neural-lpv", "payload_filter"}
     assert f"{100 * content['table'][0]['E_xy']:.2f}" in rows[1][2]
     assert rows[1][2] in capsys.readouterr().out
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {
-        "neural-window_training_circle.safetensors",
+        "neural-lpv_training_circle.safetensors",
         "payload_filter_training_circle.safetensors",
         "plane_tracks.png",
     }

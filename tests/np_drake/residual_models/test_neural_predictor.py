@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
+from np_drake.lifting.model.lpv_model import NEURAL_LPV, PARAMETERS, LpvModel, units
 from np_drake.residual_model import Sample
-from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.neural_predictor import LiftedPredictor, NeuralPredictor
 
 D, STEP = 4, 0.02
 A = np.diag([0.9, 0.8, 0.95, 0.7, 0.6, 0.5])
@@ -56,7 +57,7 @@ def without(samples: list[Sample], numbers) -> list[Sample]:
 
 
 def test_the_forecast_is_the_law_of_the_data():
-    samples, dut = sequence(30), NeuralPredictor(last_sample_model())
+    samples, dut = sequence(30), LiftedPredictor(last_sample_model())
     forecast = dut.forecast(fed(dut, samples[:20]), horizon=10, stride=1)
     zeta, truth = (
         np.array([part(s) for s in samples[19:29]]) for part in (lambda s: s.x[7:], lambda s: s.chi)
@@ -67,7 +68,7 @@ def test_the_forecast_is_the_law_of_the_data():
 def test_what_is_not_lifted_yet_or_not_read_is_held():
     model, samples = last_sample_model(), sequence(30)
     C = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
-    dut = NeuralPredictor(dc.replace(model, system=dc.replace(model.system, C=C)))
+    dut = LiftedPredictor(dc.replace(model, system=dc.replace(model.system, C=C)))
     held, blend = samples[0].chi, 1 - np.exp(-2 * np.pi * 4.0 * STEP)
     for n, sample in enumerate(samples, start=1):
         held = held + max(blend, 1 / n) * (sample.chi - held)
@@ -81,14 +82,14 @@ def test_what_is_not_lifted_yet_or_not_read_is_held():
 
 def test_a_dropped_label_is_filled_with_the_own_prediction():
     """The model knows the law: a few gaps change nothing."""
-    dut, samples = NeuralPredictor(last_sample_model()), sequence(20)
+    dut, samples = LiftedPredictor(last_sample_model()), sequence(20)
     memory = fed(dut, without(samples, (9, 13, 18, 19)))
     np.testing.assert_allclose(memory["z"], fed(dut, samples)["z"], atol=1e-12)
     assert (memory["labels"], memory["gap"]) == (16, 2)
 
 
 def test_a_long_gap_starts_the_window_afresh():
-    dut, holed = NeuralPredictor(last_sample_model()), without(sequence(40), range(20, 20 + D))
+    dut, holed = LiftedPredictor(last_sample_model()), without(sequence(40), range(20, 20 + D))
     counts = [fed(dut, holed[:n])["count"][0] for n in (20 + D - 1, 20 + D, 20 + 2 * D)]
     assert counts == [D, 0, D]
     before, after = fed(dut, holed[:20]), fed(dut, holed[: 20 + D])
@@ -96,14 +97,15 @@ def test_a_long_gap_starts_the_window_afresh():
     np.testing.assert_array_equal(held, before["lowpass"])
 
 
-def window_model() -> LiftedModel:
-    """z = chi + relu(chi) of the last of D samples, averaged over a mirror of all channels."""
-    images = np.array([np.eye(6), -np.eye(6)])
-    encoder = dc.replace(last_sample_model().encoder, weights=(np.eye(6),) * 2, images=images)
-    return dc.replace(paper_model(), encoder=encoder)
+def lpv_model() -> LpvModel:
+    """Of random weights."""
+    draw = np.random.default_rng(0).normal
+    arrays = [draw(size=s) for s in ((2, 7, 80), (2, 3, 40), 80, 7, (2, 3, 20), (4, 80))]
+    weights, biases = (draw(size=(2 + PARAMETERS, 55)),), (draw(size=2 + PARAMETERS),)
+    return LpvModel(STEP, units(2.0, 1.0), *arrays, weights, biases)
 
 
-MODELS = {"delay": last_sample_model(), PAPER: paper_model(), "window": window_model()}
+MODELS = {"delay": last_sample_model(), PAPER: paper_model(), NEURAL_LPV: lpv_model()}
 EVERY = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 
 
@@ -111,7 +113,7 @@ EVERY = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 @settings(max_examples=20)
 @EVERY
 def test_no_samples_make_the_forecast_unusable_or_change_a_memory(model, course):
-    dut = NeuralPredictor(model)
+    dut = NeuralPredictor.of(model)
     memory = dut.initial_memory()
     for kind, sample in zip(course, sequence(len(course)), strict=True):
         chi = GAP if kind in ("label", "both") else sample.chi * (1e3 if kind == "huge" else 1.0)
@@ -127,9 +129,20 @@ def test_no_samples_make_the_forecast_unusable_or_change_a_memory(model, course)
     assert np.all(np.isfinite(chi))
 
 
+def test_a_scheduled_model_forecasts_from_its_first_label_on_and_fills_a_gap_with_that():
+    dut, samples = NeuralPredictor.of(lpv_model()), without(sequence(101), range(1, 101))
+    first, zeta = fed(dut, samples[:1]), np.array([s.x[7:] for s in samples[:100]])
+    assert not dut.forecast(dut.initial_memory(), horizon=100, stride=1).rollout(zeta).any()
+    ahead = dut.forecast(first, horizon=100, stride=1).rollout(zeta)[1:]
+    np.testing.assert_allclose(fed(dut, samples[:100])["window"][1:, :6], ahead, rtol=1e-9)
+    afresh = fed(dut, [*samples, samples[0]])
+    for name in ("window", "z", "theta", "energy", "count"):
+        np.testing.assert_array_equal(afresh[name], first[name])
+
+
 def test_what_flies_is_the_batch_solution_of_the_last_window():
     """Ridge regression of forty samples, holes filled, each lifted once and long ago."""
-    dut, samples = NeuralPredictor(paper_model()), sequence(150)
+    dut, samples = LiftedPredictor(paper_model()), sequence(150)
     memory = fed(dut, without(samples, (60, 61, 130)))
     z, zeta = memory["rows"][:, :6], memory["rows"][:, 6:]  # zeta unscaled
     np.testing.assert_allclose(z, [sample.chi for sample in samples[-40:]], atol=1e-9)
@@ -143,7 +156,7 @@ def test_what_flies_is_the_batch_solution_of_the_last_window():
 @pytest.mark.parametrize("late", [1, 3])
 def test_a_label_that_is_late_gives_the_wrench_of_now(late):
     """Labels of an exact lifted linear system come late, one of them not at all."""
-    dut = NeuralPredictor(dc.replace(paper_model(), late=late))
+    dut = LiftedPredictor(dc.replace(paper_model(), late=late))
     now = sequence(60)
     late_ones = [dc.replace(s, chi=now[max(k - late, 0)].chi) for k, s in enumerate(now)]
     memory = fed(dut, without(late_ones, (55,)))

@@ -43,11 +43,11 @@ def set_accelerations(log: FlightLog, commanded: FlightLog, lag: float, chi=np.z
 
 @pytest.mark.parametrize(
     ("name", "label", "delay"),
-    [("paper", labels.default_labels(Vehicle()), None), ("neural-window", labels.RAW, 0)],
+    [("paper", labels.default_labels(Vehicle()), None), ("neural-lpv", labels.RAW, 0)],
 )
 def test_a_predictor_knows_how_its_labels_were_made(name, label, delay):
     config, flights = make_config(name, epochs=1), [Flight(flight(0.03, noise=0.1), Vehicle())]
-    dut = NeuralPredictor(train_on_flights(flights, config, step=STEP).model)
+    dut = NeuralPredictor.of(train_on_flights(flights, config, step=STEP).model)
     assert dut.rotor_lag == pytest.approx(0.03, abs=0.003)  # [s]
     assert (dut.label, dut.delay) == (label, delay)
 

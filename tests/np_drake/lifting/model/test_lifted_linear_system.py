@@ -80,21 +80,6 @@ def test_samples_at_lags_are_those_samples():
     np.testing.assert_array_equal(found, [samples[[k, k - 3, k - 8]].ravel() for k in (20, 39)])
 
 
-# Two lifted states of a plane each, under a quarter turn, a mirror and both
-QUARTER, MIRROR = np.array([[0.0, -1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
-IMAGES = np.array([np.linalg.matrix_power(QUARTER, n) for n in range(4)])
-IMAGES = np.concatenate([IMAGES, IMAGES @ MIRROR])
-
-
-def test_the_network_is_the_mean_over_turns_and_mirrors():
-    generator = np.random.default_rng(0)
-    E, weights = np.eye(2, 12), (generator.normal(size=(9, 2)), generator.normal(size=(2, 9)))
-    dut, plain = Encoder(E, weights, images=IMAGES), Encoder(E, weights)
-    window = generator.normal(size=(50, 1, 12))
-    images = [plain(window @ np.pad(image, (0, 10))) @ image.T for image in IMAGES]
-    np.testing.assert_allclose(dut(window), np.mean(images, axis=0), atol=1e-12)
-
-
 def test_a_network_stands_beside_the_linear_map_or_in_its_place():
     """|x| = relu(x) + relu(-x), of the oldest chi."""
     E, weights = np.eye(1, 24), (np.array([[1.0], [-1.0]]), np.array([[1.0, 1.0]]))

@@ -11,16 +11,14 @@ from safetensors.numpy import load_file, save_file
 
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import (
-    CONFIGURATIONS,
     MODE_DICTIONARY,
-    NEURAL_WINDOW,
     PAPER,
     SCHEMA,
     LiftedModel,
     load_model,
     save_model,
 )
-from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.neural_predictor import LiftedPredictor
 from np_drake.trained_model import require_origin, rotor_lag_of
 
 
@@ -28,13 +26,9 @@ def model(configuration: str) -> LiftedModel:
     generator = np.random.default_rng(0)
     A, B, C = 0.5 * np.eye(4), generator.standard_normal((4, 6)), generator.standard_normal((6, 4))
     scale = generator.uniform(0.5, 2.0, 6)
-    E, layers = generator.standard_normal((4, 60)), [generator.standard_normal((7, 4))]
-    layers.append(generator.standard_normal((4, 7)))
-    encoder = {
-        PAPER: Encoder(E, tuple(layers), skip=False),
-        NEURAL_WINDOW: Encoder(E, tuple(layers), images=generator.standard_normal((8, 4, 4))),
-        MODE_DICTIONARY: Encoder(E, offset=np.ones(4)),
-    }[configuration]
+    E, *layers = (generator.standard_normal(shape) for shape in ((4, 60), (7, 4), (4, 7)))
+    paper, dictionary = Encoder(E, tuple(layers), skip=False), Encoder(E, offset=np.ones(4))
+    encoder = paper if configuration == PAPER else dictionary
     system, summary = LiftedLinearSystem(A, B, C, 0.02), {"samples": 7}
     return LiftedModel(configuration, system, encoder, scale, summary, 5, 0.5, late=2)
 
@@ -63,7 +57,7 @@ def test_equal_models_are_equal_files(tmp_path):
     assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1
 
 
-@pytest.mark.parametrize("configuration", CONFIGURATIONS)
+@pytest.mark.parametrize("configuration", [PAPER, MODE_DICTIONARY])
 def test_what_is_read_is_what_was_written(configuration, tmp_path):
     saved = model(configuration)
     save_model(saved, tmp_path / "m.safetensors")
@@ -91,10 +85,9 @@ def test_pickles_are_never_loaded(tmp_path):
 FAULTS = {
     "schema must be": lambda t, h, m: m.update(schema="np_drake.lifted_model/0"),
     "lacks 'E'": lambda t, h, m: t.pop("E"),
-    r"must be paper \| neural-window \| mode": lambda t, h, m: h.update(configuration="theirs"),
+    r"must be paper \| neural-lpv \| mode": lambda t, h, m: h.update(configuration="theirs"),
     "each layer must take the 4": lambda t, h, m: t.update(W0=np.zeros((4, 5))),
     "as many outputs as E, 4": lambda t, h, m: t.update(W0=np.zeros((3, 4))),
-    r"images must be \(G, 4, 4\)": lambda t, h, m: t.update(images=np.zeros((8, 4, 3))),
     r"offset must be \(4,\)": lambda t, h, m: t.update(offset=np.zeros(3)),
     "positive ridge; got 5, 0": lambda t, h, m: h.update(ridge=0.0),
     "force_bandwidth must be positive": lambda t, h, m: h.update(
@@ -139,4 +132,4 @@ def test_no_value_of_the_header_is_more_than_a_refusal(path, field, junk):
         return
     require_origin(dut, {"frame": "world"})
     assert 0 <= rotor_lag_of(dut) < 10  # [s]
-    assert NeuralPredictor(dut).label.check()
+    assert LiftedPredictor(dut).label.check()

@@ -16,7 +16,7 @@ from np_drake.lifting.training.mode_dictionary import (
 )
 from np_drake.lifting.training.train import train
 from np_drake.residual_model import Sample
-from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.neural_predictor import LiftedPredictor
 from np_drake.skill.skill import skill_table
 from np_drake.training_data.segments import Segment, of_wrenches
 
@@ -47,13 +47,8 @@ def flight(seed: int, n: int = 3000) -> Segment:
 
 
 @pytest.fixture(scope="module")
-def model():
-    return train([flight(0), flight(1)], CONFIG).model
-
-
-@pytest.fixture(scope="module")
-def dut(model):
-    return NeuralPredictor(model)
+def dut():
+    return LiftedPredictor(train([flight(0), flight(1)], CONFIG).model)
 
 
 def test_an_unseen_flight_is_predicted_better_than_by_any_naive_row(dut):

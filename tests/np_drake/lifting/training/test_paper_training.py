@@ -23,7 +23,7 @@ from np_drake.lifting.training.paper_training import (
     window_fit,
 )
 from np_drake.lifting.training.train import train
-from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.neural_predictor import LiftedPredictor
 from np_drake.skill.skill import skill_table
 from np_drake.training_data.segments import Segment
 
@@ -105,7 +105,7 @@ def test_the_model_is_what_theorem_1_assumes(paper, lemniscate):
 
 def test_half_a_second_ahead_the_swing_is_foreseen(paper, lemniscate):
     """Along an unseen track, from offline A and B; persistence is wrong by the swing."""
-    dut = NeuralPredictor(dc.replace(paper.model, refit=0))
+    dut = LiftedPredictor(dc.replace(paper.model, refit=0))
     options = {"horizons": [25], "mean": np.zeros(6), "warm_up": 40, "zeta_known": True}
     options["target"] = lemniscate.truth
     rows = skill_table({"np": dut}, lemniscate.chi, lemniscate.zeta, **options)

@@ -5,36 +5,39 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.lifted_linear_system import advance
+from np_drake.lifting.model.lifted_model import save_model
 from np_drake.lifting.training.excitation import excitation
-from np_drake.lifting.training.neural_window import NeuralWindowConfig
+from np_drake.lifting.training.neural_lpv import NeuralLpvConfig
 from np_drake.lifting.training.paper_training import PaperConfig
 from np_drake.lifting.training.train import make_config, train
-from np_drake.training_data.segments import Segment, group_scale, white_noise
+from np_drake.residual_models.flight_forecasts import walk
+from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.training_data.segments import Segment, group_scale, of_wrenches, white_noise
 
 
-def test_the_seed_decides_and_progress_ascends_to_its_total(dithered):
+@pytest.mark.parametrize("config", [PaperConfig(epochs=2, spacing=40), NeuralLpvConfig(epochs=10)])
+def test_the_seed_decides_and_progress_ascends_to_its_total(config, dithered, tmp_path):
     calls: list[tuple[int, int, float]] = []
-    config = PaperConfig(epochs=2, spacing=40)
-    first = train([dithered.segment], config, on_epoch=lambda *call: calls.append(call)).model
-    again, other = (
-        train([dithered.segment], dc.replace(config, seed=seed)).model for seed in (0, 1)
-    )
-    np.testing.assert_array_equal(again.system.B, first.system.B)
-    np.testing.assert_array_equal(again.encoder.weights[0], first.encoder.weights[0])
-    assert not np.array_equal(other.system.B, first.system.B)
-    assert [call[:2] for call in calls] == [(1, 2), (2, 2)]
-    assert all(np.isfinite(loss) for _, _, loss in calls)
+    for name, own in (("first", config), ("again", config), ("other", dc.replace(config, seed=1))):
+        found = train([dithered.segment], own, on_epoch=lambda *call: calls.append(call))
+        save_model(dc.replace(found.model, summary={}), tmp_path / name)
+    first, again, other = ((tmp_path / name).read_bytes() for name in ("first", "again", "other"))
+    assert first == again != other
+    assert [done for done, _, _ in calls] == 3 * list(range(1, config.epochs + 1))
+    assert all(total == config.epochs and np.isfinite(loss) for _, total, loss in calls)
 
 
-@pytest.mark.parametrize("config", [PaperConfig(epochs=1), NeuralWindowConfig(epochs=10)])
-def test_a_flight_that_shows_nothing_teaches_to_hold(config):
+@pytest.mark.parametrize(
+    ("config", "motion"),
+    [(PaperConfig(epochs=1), 1.0), (NeuralLpvConfig(batch=8, epochs=300), 0.0)],
+)
+def test_a_flight_that_shows_nothing_teaches_to_hold(config, motion):
     still = Segment(np.tile([0.0, 0.0, -2.5, 0.0, 0.0, 0.0], (300, 1)), np.zeros((300, 6)), 0.02)
-    model = train([still], config).model
-    s, z = model.system, model.encoder(np.hstack([still.chi, still.zeta])[: model.window])
-    for steps in (0, 10, 40):
-        later = s.C @ advance(z, s.A, s.B, np.ones((steps, 6)))
-        assert later[2] == pytest.approx(-2.5, abs=0.1)  # [N]
+    model, flight = train([still], config).model, of_wrenches(still.chi, still.zeta, 0.02)
+    dut = NeuralPredictor.of(model)
+    *_, (_, memory) = walk(dut, flight)
+    ahead = dut.forecast(memory, horizon=41, stride=1).rollout(np.full((41, 6), motion))
+    np.testing.assert_allclose(ahead[:, 2], -2.5, atol=0.1)  # [N]
     assert "0 of 6" in model.summary["excitation"]
 
 
@@ -42,10 +45,10 @@ def test_configurations_go_by_name_and_suit_their_axes():
     assert make_config("paper", epochs=3).epochs == 3
     assert not make_config("paper", frame="body").symmetric
     for arguments, match in (
-        ({"configuration": "theirs"}, r"paper \| neural-window \| mode-dictionary; got theirs"),
+        ({"configuration": "theirs"}, r"paper \| neural-lpv \| mode-dictionary; got theirs"),
         ({"configuration": "paper", "epocs": 3}, "has no setting epocs"),
         ({"configuration": "mode-dictionary"}, "these are in world axes"),
-        ({"configuration": "neural-window", "frame": "body"}, "these are in body axes"),
+        ({"configuration": "neural-lpv", "frame": "body"}, "these are in body axes"),
     ):
         with pytest.raises(ValueError, match=match):
             make_config(**arguments)

@@ -1,0 +1,224 @@
+"""A lifted linear system that a network schedules: linear parameter-varying (LPV).
+
+    theta = N(statistics of the window),   z = sum_j g_j(theta) E_j w
+    z+ = A(theta) z + B(theta) zeta,   chi_hat = C(theta) z
+
+theta is held within a horizon. A vehicle that hovers is the same in x and y, and left to right. So
+two vertical planes have one law, and heave another; this holds at yaw near zero. The statistics
+stay the same where a flight is turned or mirrored.
+
+The states of a plane are oscillators and decays, those of heave decays: A is stable by
+construction. The other states are a level of the torque in each plane and the last velocity, which
+C reads as drag. The torque about z is not among them.   Source: own choice; scheduling as in LPV
+identification, Toth 2010.
+"""
+
+import dataclasses as dc
+from typing import Any
+
+import numpy as np
+
+from np_drake.checks import require
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Taps
+from np_drake.trained_model import STEPS, number_in, summary_in
+
+NEURAL_LPV = "neural-lpv"
+Array = Any  # of numpy in flight, a tensor of torch in training
+LPV_SCHEMA = "np_drake.lpv_model/1"  # format of the file and its version
+TAPS = Taps.averaging(100, 8, 12)  # what the encoders see of a window
+BLOCKS, BLOCK = 10, 8  # means of so many samples, of which the statistics are made [1]
+DECAYS = np.exp(-1.0 / np.array([75.0, 300.0]))  # of the statistics over a sample [1]
+NEW = 400.0  # samples during which a flight counts as new [1]
+ARM = 0.1  # unit of a torque over that of a force [m]
+LEAST = 1e-3  # added to mean squares before their logarithm [1]
+# Force, velocity, body rate and torque of each plane: columns of [chi, zeta], and signs
+CHANNELS = np.array([0, 6, 10, 4, 1, 7, 9, 3])
+SIGNS = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
+VERTICAL = [2, 8]  # force and velocity of heave
+OSCILLATORS, DECAYING = 2, 3  # of a plane; heave has as many decays
+PLANE = 2 * OSCILLATORS + DECAYING  # states of a plane
+LEVEL = 2 * PLANE + DECAYING  # first state that is a level of the torque
+VELOCITY = LEVEL + 2  # first state that is the last velocity
+K = VELOCITY + 3
+# What the network writes: logarithms of rates [1/step] within bounds, from slower than a flight to
+# a step or two (own choice), inputs of each state, drag in the planes and in heave
+RATES = 2 * OSCILLATORS + 2 * DECAYING
+LOWEST, HIGHEST = np.log(5e-5), np.log(0.6)
+PARAMETERS = RATES + PLANE + DECAYING + 2
+MOST = 20.0  # largest logarithm of a gate [1]
+
+
+def units(mass: float, clock: float) -> np.ndarray:
+    """Return the units of [chi, zeta] (12,), in which two vehicles of any size look alike.
+
+    Args:
+        mass: of the vehicle [kg].
+        clock: of its time over that of the paper's vehicle [1].
+    """
+    return np.repeat([mass, mass * ARM * clock**2, clock, 1 / clock], 3)
+
+
+@dc.dataclass(frozen=True)
+class Features:
+    """What the model reads of windows (..., 100, 12), scaled, oldest sample first."""
+
+    planes: np.ndarray  # (..., 2, taps 4) force, velocity, body rate and torque
+    heave: np.ndarray  # (..., taps 2) force and velocity
+    blocks: np.ndarray  # (..., 2, BLOCKS 2) means of force and velocity
+    climb: np.ndarray  # (..., 2) vertical velocity, and its change over a block
+
+    @classmethod
+    def of(cls, windows: np.ndarray) -> "Features":
+        """Return the features of windows."""
+        shape, moved = windows.shape[:-2], windows[..., CHANNELS] * SIGNS
+        seen = (TAPS.matrix @ moved).reshape(*shape, -1, 2, 4)
+        parts = moved[..., -BLOCKS * BLOCK :, :].reshape(*shape, BLOCKS, BLOCK, 2, 4)
+        means = parts[..., :2].mean(axis=-3)
+        up = windows[..., 8]
+        return cls(
+            np.moveaxis(seen, -2, -3).reshape(*shape, 2, -1),
+            (TAPS.matrix @ windows[..., VERTICAL]).reshape(*shape, -1),
+            np.moveaxis(means, -2, -3).reshape(*shape, 2, -1),
+            np.stack([up[..., -1], up[..., -1] - up[..., -1 - BLOCK]], axis=-1),
+        )
+
+
+@dc.dataclass(frozen=True)
+class LpvModel:
+    """Trained predictor as held by a model file; all but `scale` and `step` without units."""
+
+    step: float  # [s]
+    scale: np.ndarray  # (12,) units of [chi, zeta] [N, N·m, m/s, rad/s]
+    experts: Array  # (J, PLANE, taps 4) encoders of a plane
+    lifts: Array  # (J, DECAYING, taps 2) of heave
+    level: Array  # (taps 4,) of the level of the torque
+    torque: Array  # (PLANE,) of the states of a plane in its torque
+    probes: Array  # (2, P, BLOCKS 2) what the statistics of each decay are taken of
+    glances: Array  # (Q, taps 4) of which the present size is read
+    weights: tuple[Array, ...]  # (out, in) of the network
+    biases: tuple[Array, ...]  # (out,)
+    summary: dict[str, Any] = dc.field(default_factory=dict)  # of the training, for people
+
+    configuration = NEURAL_LPV
+    window = TAPS.delay
+
+    def __post_init__(self):
+        J, taps = len(self.experts), len(TAPS.matrix)
+        P, Q = self.probes.shape[1], len(self.glances)
+        shapes = {
+            "scale": (12,),
+            "experts": (J, PLANE, 4 * taps),
+            "lifts": (J, DECAYING, 2 * taps),
+            "level": (4 * taps,),
+            "torque": (PLANE,),
+            "probes": (len(DECAYS), P, 2 * BLOCKS),
+            "glances": (Q, 4 * taps),
+        }
+        for name, shape in shapes.items():
+            found = getattr(self, name).shape
+            require(found == shape, f"LpvModel: {name} must be {shape}; got {found}.")
+        require(np.all(self.scale > 0), "LpvModel: scale must be positive.")
+        width = len(DECAYS) * (P + 2) + Q + 2 * taps + 1
+        for W, b in zip(self.weights, self.biases, strict=True):
+            require(
+                W.ndim == 2 and W.shape[1] == width and b.shape == (len(W),),
+                f"LpvModel: each layer must take the {width} outputs before it; got {W.shape}.",
+            )
+            width = len(W)
+        wanted = J + PARAMETERS
+        require(width == wanted, f"LpvModel: the network must have {wanted} outputs; got {width}.")
+
+    def in_numpy(self) -> "LpvModel":
+        """Return the model with arrays in the place of tensors."""
+        fields: dict[str, Any] = dict(vars(self))
+        for name, value in fields.items():
+            if isinstance(value, tuple):
+                fields[name] = tuple(np.asarray(part, float) for part in value)
+            elif name not in ("step", "summary"):
+                fields[name] = np.asarray(value, float)
+        return LpvModel(**fields)
+
+    def energies(self, features: Features) -> np.ndarray:
+        """Return the squares (2, P + 2) whose decaying means are the statistics."""
+        seen = self.probes @ features.blocks.T
+        climb = np.tile(features.climb**2, (len(DECAYS), 1))
+        return np.concatenate([(seen**2).sum(axis=-1), climb], axis=1)
+
+    def statistics(
+        self, planes: Array, heave: Array, mean: Array, age: Array, xp: Any = np
+    ) -> Array:
+        """Return what the network reads (..., S); see `schedule`."""
+        glance = xp.sqrt(((planes @ self.glances.T) ** 2).sum(-2) + LEAST)
+        logarithm = xp.log(mean + LEAST).reshape(*planes.shape[:-2], -1)
+        return xp.concatenate([logarithm, glance, heave, age], -1)
+
+    def schedule(self, planes: Array, heave: Array, mean: Array, age: Array, xp: Any = np) -> tuple:
+        """Return z (..., K) but for the last velocity, and theta (..., PARAMETERS).
+
+        Args:
+            planes, heave: of `Features`.
+            mean: (..., 2, P + 2) decaying means of `energies`.
+            age: (..., 1) samples of the flight over `NEW`, at most 1.
+            xp: numpy, or torch where all arrays are tensors.
+        """
+        batch, J = planes.shape[:-2], len(self.experts)
+        value = self.statistics(planes, heave, mean, age, xp)
+        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            value = (value @ W.T + b).clip(0.0)
+        value = value @ self.weights[-1].T + self.biases[-1]
+        gates = xp.exp(value[..., :J].clip(-MOST, MOST))
+        gates = gates / gates.sum(-1)[..., None]
+        mixed = (gates @ self.experts.reshape(J, -1)).reshape(*batch, PLANE, -1)
+        lifts = (gates @ self.lifts.reshape(J, -1)).reshape(*batch, DECAYING, -1)
+        states = (planes @ mixed.swapaxes(-1, -2)).reshape(*batch, -1)
+        up, level = (lifts @ heave[..., None])[..., 0], planes @ self.level
+        return xp.concatenate([states, up, level], -1), value[..., J:]
+
+    def matrices(self, theta: Array, xp: Any = np) -> tuple:
+        """Return A (..., K, K), B (..., K, 6) and C (..., 6, K) of theta, without units.
+
+        Args:
+            xp: as of `schedule`.
+        """
+        rates, batch = xp.exp(theta[..., :RATES].clip(LOWEST, HIGHEST)), theta.shape[:-1]
+        A, B, C = (xp.zeros((*batch, *size)) for size in ((K, K), (K, 6), (6, K)))
+        size = xp.exp(-rates[..., OSCILLATORS : 2 * OSCILLATORS])
+        cos, sin = (size * of(rates[..., :OSCILLATORS]) for of in (xp.cos, xp.sin))
+        decays = xp.exp(-rates[..., 2 * OSCILLATORS :])
+        for axis, (row, sign) in enumerate(((4, 1.0), (3, -1.0))):
+            own = slice(axis * PLANE, (axis + 1) * PLANE)
+            a = own.start + np.arange(OSCILLATORS)
+            A[..., a, a] = A[..., a + OSCILLATORS, a + OSCILLATORS] = cos
+            A[..., a, a + OSCILLATORS], A[..., a + OSCILLATORS, a] = sin, -sin
+            q = own.start + np.arange(2 * OSCILLATORS, PLANE)
+            A[..., q, q] = decays[..., :DECAYING]
+            B[..., own, axis] = theta[..., RATES : RATES + PLANE]
+            C[..., axis, a] = C[..., axis, q] = 1.0
+            C[..., row, own], C[..., row, LEVEL + axis] = sign * self.torque, sign
+            C[..., axis, VELOCITY + axis] = theta[..., -2]
+        up, level, last = np.arange(2 * PLANE, LEVEL), [LEVEL, LEVEL + 1], np.arange(3)
+        A[..., up, up], B[..., up, 2] = decays[..., DECAYING:], theta[..., RATES + PLANE : -2]
+        C[..., 2, up], C[..., 2, VELOCITY + 2] = 1.0, theta[..., -1]
+        A[..., level, level] = B[..., VELOCITY + last, last] = 1.0
+        return A, B, C
+
+    def system(self, theta: np.ndarray) -> LiftedLinearSystem:
+        """Return the lifted linear system of theta (PARAMETERS,)."""
+        A, B, C = self.matrices(theta)
+        return LiftedLinearSystem(A, B / self.scale[6:], C * self.scale[:6, None], self.step)
+
+
+def lpv_tensors(model: LpvModel) -> dict[str, np.ndarray]:
+    """Return the arrays that a model file holds, by name."""
+    tensors = {name: value for name, value in vars(model).items() if isinstance(value, np.ndarray)}
+    for i, (W, b) in enumerate(zip(model.weights, model.biases, strict=True)):
+        tensors |= {f"W{i}": W, f"b{i}": b}
+    return tensors
+
+
+def lpv_model_of(tensors: dict[str, Any], header: dict[str, Any]) -> LpvModel:
+    """Return the model of the content of a file."""
+    layers = range(sum(name.startswith("W") for name in tensors))
+    weights, biases = (tuple(tensors.pop(f"{kind}{i}") for i in layers) for kind in "Wb")
+    more: dict[str, Any] = {"weights": weights, "biases": biases, "summary": summary_in(header)}
+    return LpvModel(number_in(header, "step", *STEPS), **tensors, **more)

@@ -1,0 +1,278 @@
+"""Training of the `neural-lpv` configuration on flights with many payloads.
+
+Encoders and network descend on the error of forecasts of chi, up to the horizon ahead, along the
+motion as it was flown. An error counts beside how far the force moves away over the horizon, so
+that a calm flight weighs as much as a fast one.
+"""
+
+import dataclasses as dc
+import itertools
+from typing import Any
+
+import numpy as np
+import scipy
+import torch
+from numpy.lib.stride_tricks import sliding_window_view
+from torch import nn
+from torch.nn.functional import pad, smooth_l1_loss
+
+from np_drake.lifting.model.lpv_model import (
+    BLOCKS,
+    DECAYING,
+    DECAYS,
+    NEW,
+    OSCILLATORS,
+    PARAMETERS,
+    PLANE,
+    RATES,
+    TAPS,
+    Array,
+    Features,
+    LpvModel,
+    units,
+)
+from np_drake.lifting.training import OnEpoch
+from np_drake.lifting.training.excitation import excitation
+from np_drake.training_data.segments import Segment, check_segments
+
+STRIDE, STEPS = 2, 20  # samples between forecasts, and how many there are ahead, as of the MPC
+HORIZON = STRIDE * STEPS  # [samples]
+EARLIEST, SPACING = 5, 2  # first origin of a flight, and samples between two
+AVERAGED = 5  # labels that are averaged in what a forecast is compared with
+FINE, FINE_TORQUE = 0.03, 0.04  # errors that count as small, over the units [m/s²]
+MOVED = 0.05  # share of the force's mean square move that counts as small [1]
+ROBUST = 2.0  # error over a small one beyond which it counts linearly [1]
+NOW = 8  # dense taps, whose mean is the force of now
+# At the start, of oscillators and decays [1/step]
+TURNS, DAMPINGS, RATE = (0.07, 0.12), (6e-3,) * OSCILLATORS, (2e-3, 0.04, 0.2)
+INPUT, DRAG = 0.06, 0.3  # of an output of the network
+WEAK = 1e-4  # power of a direction that counts as none, over the strongest [1]
+REPORTS = 20  # of the loss in a training
+PAIRS = np.triu_indices(2 * BLOCKS)  # of a symmetric matrix
+TWICE = torch.from_numpy(np.where(PAIRS[0] == PAIRS[1], 1.0, 2.0)).float()
+
+
+@dc.dataclass(frozen=True)
+class NeuralLpvConfig:
+    """Parameters of the `neural-lpv` configuration."""
+
+    experts: int = 24  # encoders that the network mixes [1]
+    width: int = 64  # neurons of each of the two hidden layers [1]
+    probes: int = 32  # statistics of each decay [1]
+    glances: int = 24  # sizes of the present [1]
+    epochs: int = 14_000  # gradient steps [1]
+    batch: int = 512  # forecasts of a step [1]
+    learning_rate: float = 4e-3  # of Adam, rising over a tenth and falling along a cosine [1]
+    matrix_rate: float = 0.05  # of Muon, of the encoders, likewise [1]
+    mass: float = 2.0  # of the vehicle [kg]
+    clock: float = 1.0  # of its time over that of the paper's vehicle [1]
+    seed: int = 0  # of the initial weights and the forecasts of each step
+
+
+def origins(segments: list[Segment], scale: np.ndarray) -> list[torch.Tensor]:
+    """Return, of every instant that is forecast from: planes, heave, decaying means of the products
+    of blocks and of the squares of climb, age, zeta from the step before on, and chi ahead.
+
+    Args:
+        scale: (12,) units of [chi, zeta].
+    """
+    parts = zip(*(_origins(segment, scale) for segment in segments), strict=True)
+    return [torch.from_numpy(np.concatenate(part).astype(np.float32)) for part in parts]
+
+
+def _origins(segment: Segment, scale: np.ndarray) -> tuple[np.ndarray, ...]:
+    samples, D = np.hstack([segment.chi, segment.zeta]) / scale, TAPS.delay
+    padded = np.concatenate([np.repeat(samples[:1], D - 1, axis=0), samples])
+    seen = Features.of(np.moveaxis(sliding_window_view(padded, D, axis=0), -1, -2))
+    squares = np.einsum("npi,npj->nij", seen.blocks, seen.blocks)[:, PAIRS[0], PAIRS[1]]
+    count = np.arange(1, len(samples) + 1)[:, None]
+    at = np.arange(EARLIEST, len(samples) - HORIZON, SPACING)
+    products, climb = (
+        np.stack(
+            [scipy.signal.lfilter([1 - d], [1, -d], of, axis=0) / (1 - d**count) for d in DECAYS],
+            axis=1,
+        )[at]
+        for of in (squares, seen.climb**2)
+    )
+    smooth = scipy.ndimage.uniform_filter1d(samples[:, :6], AVERAGED, axis=0)
+    return (
+        *(seen.planes[at], seen.heave[at], products, climb),
+        np.minimum(count[at], NEW) / NEW,
+        samples[at[:, None] + np.arange(-1, HORIZON), 6:],
+        smooth[at[:, None] + STRIDE * np.arange(STEPS + 1)],
+    )
+
+
+class LpvNetwork(nn.Module):
+    """The model with gradients, its inputs in coordinates of unit variance.
+
+    Args:
+        seen: what `origins` returns, whose variance that is.
+    """
+
+    def __init__(self, config: NeuralLpvConfig, seen: list[torch.Tensor]):
+        super().__init__()
+        torch.manual_seed(config.seed)
+        planes, heave, products, climb, age, *_ = seen
+        self.scale, J, taps = units(config.mass, config.clock), config.experts, len(TAPS.matrix)
+        mean = np.zeros((2 * BLOCKS, 2 * BLOCKS))
+        mean[PAIRS] = products.mean(dim=(0, 1)).numpy()
+        moving = planes.unflatten(-1, (taps, 4))[..., :3].flatten(-2)
+        self.white = [_inverse_root(_moment(rows)) for rows in (moving, planes, heave)]
+        self.white.append(_inverse_root(mean + np.triu(mean, 1).T))
+        self.experts = nn.Parameter(0.02 * torch.randn(J * PLANE, 3 * taps))
+        self.lifts = nn.Parameter(0.01 * torch.randn(J, DECAYING, 2 * taps))
+        self.level = nn.Parameter(torch.zeros(4 * taps))
+        self.torque = nn.Parameter(torch.zeros(PLANE))
+        self.glances = nn.Parameter(0.1 * torch.randn(config.glances, 3 * taps))
+        self.probes = nn.Parameter(torch.randn(len(DECAYS), config.probes, 2 * BLOCKS))
+        read = len(DECAYS) * (config.probes + 2) + config.glances + 2 * taps + 1
+        sizes = [read, config.width, config.width, J + PARAMETERS]
+        self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in itertools.pairwise(sizes))
+        counts = torch.tensor([J + RATES, PLANE + DECAYING, 2])
+        self.unit = torch.repeat_interleave(torch.tensor([1.0, INPUT, DRAG]), counts)
+        self.mean, self.spread = torch.zeros(read), torch.ones(read)
+        with torch.no_grad():
+            last: Any = self.layers[-1]
+            start = np.concatenate([TURNS, DAMPINGS, RATE, RATE])
+            last.weight[J:] *= 0.1
+            last.bias[J:] = 0.0
+            last.bias[J : J + RATES] = torch.from_numpy(np.log(start))
+            model = self.model()
+            energy = energies(model.probes, products, climb)
+            statistics = model.statistics(planes, heave, energy, age, torch)
+        self.mean, self.spread = statistics.mean(dim=0), statistics.std(dim=0) + 1e-3
+
+    def model(self, step: float = 1.0) -> LpvModel:
+        """Return the model of inputs as they are, of tensors."""
+        moving, planes, heave, blocks = self.white
+        experts, glances = (
+            pad((of @ moving.T).unflatten(-1, (-1, 3)), (0, 1)).flatten(-2)
+            for of in (self.experts, self.glances)
+        )
+        weights, biases = ([getattr(x, of) for x in self.layers] for of in ("weight", "bias"))
+        weights[0] = weights[0] / self.spread
+        biases[0] = biases[0] - weights[0] @ self.mean
+        weights[-1], biases[-1] = self.unit[:, None] * weights[-1], self.unit * biases[-1]
+        probes = self.probes / self.probes.norm(dim=-1, keepdim=True) @ blocks.T
+        return LpvModel(
+            step,
+            self.scale,
+            experts.unflatten(0, (-1, PLANE)),
+            self.lifts @ heave.T,
+            planes @ self.level,
+            self.torque,
+            probes,
+            glances,
+            tuple(weights),
+            tuple(biases),
+        )
+
+    def forecast(self, planes, heave, products, climb, age, zeta) -> torch.Tensor:
+        """Return chi now and every `STRIDE` samples ahead, without units, (n, STEPS + 1, 6).
+
+        Args:
+            zeta: (n, HORIZON + 1, 6) from the step before on.
+        """
+        model = self.model()
+        energy = energies(model.probes, products, climb)
+        states, theta = model.schedule(planes, heave, energy, age, torch)
+        A, B, C = model.matrices(theta, torch)
+        A, B = A @ A, A @ B + B
+        z, found = torch.cat([states, zeta[:, 0, :3]], dim=1)[..., None], []
+        drive = B @ zeta[:, 1:].unflatten(1, (STEPS, STRIDE)).mean(dim=2).mT
+        for i in range(STEPS):
+            found.append(z)
+            z = torch.baddbmm(drive[..., i : i + 1], A, z)
+        return (C @ torch.cat([*found, z], dim=2)).mT
+
+    def loss(self, rows: list[torch.Tensor]) -> torch.Tensor:
+        """Return the mean error of forecasts over small errors, robust."""
+        *seen, goal = rows
+        error, taps = self.forecast(*seen) - goal, len(TAPS.matrix)
+        planes, heave = seen[0].unflatten(-1, (taps, 4)), seen[1].unflatten(-1, (taps, 2))
+        now = torch.cat([planes[:, :, :NOW, 0].mean(dim=2), heave[:, :NOW, :1].mean(dim=1)], dim=1)
+        move = (goal[..., :3] - now[:, None]).square().mean(dim=1, keepdim=True)
+        lateral = (FINE**2 + MOVED * move[..., :2].mean(dim=2, keepdim=True)).sqrt()
+        vertical = (FINE**2 + MOVED * move[..., 2:]).sqrt()
+        parts = error[..., :2] / lateral, error[..., 2:3] / vertical, error[..., 3:5] / FINE_TORQUE
+        size = [smooth_l1_loss(part, torch.zeros_like(part), beta=ROBUST) for part in parts]
+        return size[0] + 0.5 * size[1] + 0.5 * size[2]
+
+
+def energies(probes: Array, products: torch.Tensor, climb: torch.Tensor) -> torch.Tensor:
+    """Return decaying means of `LpvModel.energies` (n, 2, P + 2).
+
+    Args:
+        probes: (2, P, 2 BLOCKS).
+        products: (n, 2, pairs) decaying means of the products of blocks.
+        climb: (n, 2, 2) of the squares of climb.
+    """
+    pairs = probes[..., PAIRS[0]] * probes[..., PAIRS[1]] * TWICE
+    return torch.cat([torch.einsum("ndi,dpi->ndp", products, pairs).clip(0.0), climb], dim=-1)
+
+
+def _moment(rows: torch.Tensor) -> np.ndarray:
+    """Return the mean product of the last axis of rows, (f, f)."""
+    flat = rows.reshape(-1, rows.shape[-1]).double()
+    return (flat.T @ flat / len(flat)).numpy()
+
+
+def _inverse_root(moment: np.ndarray) -> torch.Tensor:
+    """Return W (f, f) that gives x W unit variance where x has the moment (f, f); directions of
+    hardly any power stay small.
+    """
+    size = np.sqrt(np.diag(moment)) + 1e-6
+    power, axes = np.linalg.eigh(moment / np.outer(size, size))
+    scaled = axes / np.sqrt(power + WEAK * power[-1]) / size[:, None]
+    return torch.from_numpy(scaled).float()
+
+
+def train_neural_lpv(
+    segments: list[Segment], config: NeuralLpvConfig, on_epoch: OnEpoch
+) -> tuple[LpvModel, list[float]]:
+    """Return (model, loss now and then)."""
+    segments = check_segments(segments, EARLIEST + HORIZON + 2)
+    seen = origins(segments, units(config.mass, config.clock))
+    network, generator = LpvNetwork(config, seen), np.random.default_rng(config.seed)
+    matrices: list[Any] = [network.experts, network.glances, network.layers[1].weight]
+    others = [value for value in network.parameters() if all(value is not m for m in matrices)]
+    optimisers: list[Any] = [
+        torch.optim.Adam(others, lr=config.learning_rate),
+        torch.optim.Muon(matrices, lr=config.matrix_rate, weight_decay=0.0),
+    ]
+    rise: dict[str, Any] = {
+        "pct_start": 0.1,
+        "div_factor": 10,
+        "final_div_factor": 30,
+        "cycle_momentum": False,
+    }
+    rates = [
+        torch.optim.lr_scheduler.OneCycleLR(
+            optimiser, optimiser.param_groups[0]["lr"], max(config.epochs, 1), **rise
+        )
+        for optimiser in optimisers
+    ]
+    losses, history = list[float](), list[float]()
+    for step in range(1, config.epochs + 1):
+        rows = generator.integers(len(seen[0]), size=config.batch)
+        loss = network.loss([of[rows] for of in seen])
+        network.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        for part in (*optimisers, *rates):
+            part.step()
+        losses.append(loss.item())
+        if step % max(1, config.epochs // REPORTS) == 0:
+            history.append(float(np.mean(losses)))
+            losses = []
+            on_epoch(step, config.epochs, history[-1])
+    summary = {
+        "samples": sum(map(len, segments)),
+        "loss": history[-1] if history else None,
+        "excitation": excitation(segments),
+    }
+    period = float(np.median([segment.step for segment in segments]))
+    with torch.no_grad():
+        model = network.model(period)
+    return dc.replace(model.in_numpy(), summary=summary), history
