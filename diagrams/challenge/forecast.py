@@ -15,12 +15,12 @@ from typer import Option
 from diagrams.batch.run import Report, Run, every_result, require
 from diagrams.challenge.real import block_name, campaign_of, numbered_blocks
 from diagrams.challenge.score_tables import table
-from diagrams.loop.controller_config import FILTER_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from diagrams.studies.options import REAL_FLIGHTS, RealFlights, chosen, required
 from np_drake import rigid_body
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, ReadsLabels, labels, raw_labels
-from np_drake.lifting.model.lifted_model import PAPER
+from np_drake.lifting.model.lifted_model import PAPER, load_model
 from np_drake.lifting.training.train import make_config, train
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
@@ -30,9 +30,10 @@ from np_drake.residual_models.flight_forecasts import MOTIONS, flight_forecasts
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.motion_model import GP, MotionModel, fit_gaussian_process
 from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.predictor_training import fitted_lpv
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.accelerations import with_accelerations
-from np_drake.training_data.segments import SampledFlight, Segment, check_segments
+from np_drake.training_data.segments import Flight, SampledFlight, Segment, check_segments
 from np_drake.vehicle import Vehicle
 
 Opened = tuple[FlightLog, Vehicle]
@@ -194,6 +195,13 @@ def _paper(flights: Sequence[Opened]) -> NeuralPredictor:
     return NeuralPredictor.of(model)
 
 
+def _network(flights: Sequence[Opened]) -> NeuralPredictor:
+    """Return the packaged network on the vehicle of these flights."""
+    prior: Any = load_model(NP_MODEL)
+    opened = [Flight(log, vehicle) for log, vehicle in flights]
+    return NeuralPredictor.of(fitted_lpv(prior, opened, STEP))
+
+
 def _payload_filter(flights: Sequence[Opened]) -> PayloadFilter:
     """Return the packaged bank on the vehicle of these flights."""
     prior = PayloadFilterModel.load(FILTER_MODEL)
@@ -205,6 +213,7 @@ ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
     "ridge": lambda flights: fit_ridge(_segments(flights)),
     GP: lambda flights: MotionModel(GP, fit_gaussian_process(_segments(flights)), STEP),
     PAPER: _paper,
+    "np": _network,
     PAYLOAD_FILTER: _payload_filter,
 }
 

@@ -198,8 +198,8 @@ class LpvPredictor(NeuralPredictor):
     """Predictor whose A, B and C a network writes at every sample.
 
     Memory: as of `NeuralPredictor`, the window of 100 samples, before it is full the first one in
-    the place of those that lack; theta, what the network wrote; energy (2, P + 2), decaying means
-    that it reads.
+    the place of those that lack; theta, what the network wrote at the last label; energy (2, P +
+    2), decaying means that it reads. Without a label z moves on by the system of theta.
     """
 
     def __init__(self, model: LpvModel):
@@ -221,6 +221,9 @@ class LpvPredictor(NeuralPredictor):
         window = new["window"] / self.model.scale
         features, decay = Features.of(window), DECAYS[:, None]
         energy = decay * new["energy"] + (1 - decay) * self.model.energies(features)
+        if not labelled:  # a network that reads its own predictions may run away
+            s = self.model.system(new["theta"])
+            return {"z": s.A @ new["z"] + s.B @ new["window"][-2, 6:], "energy": energy}
         mean, age = energy / (1 - decay ** new["count"]), np.minimum(new["count"], NEW) / NEW
         states, theta = self.model.schedule(features.planes, features.heave, mean, age)
         z = np.concatenate([states, window[-2, 6:9]])

@@ -13,7 +13,7 @@ import torch
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.labels import RAW, LabelConfig, default_labels
-from np_drake.lifting.model.lpv_model import LpvModel, units
+from np_drake.lifting.model.lpv_model import LpvModel, units_of
 from np_drake.lifting.training.excitation import excitation
 from np_drake.lifting.training.neural_lpv import NeuralLpvConfig
 from np_drake.lifting.training.paper_training import descend_once
@@ -32,7 +32,6 @@ from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.actuator_timing import delayed, delays_sought, learned_timing
 from np_drake.training_data.segments import Flight, WrenchSequence, finite_runs, group_scale
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.scaling import ratios
 
 TIMED = 10  # flights at most that tell how late commands act: more take long
 
@@ -56,7 +55,7 @@ def train_on_flights(
     vehicle, delays = flights[0].vehicle, [0.0]
     if isinstance(config, NeuralLpvConfig):
         label, delays = RAW, delays_sought(step)
-        config = dc.replace(config, mass=vehicle.mass, clock=ratios(vehicle).clock)
+        config = dc.replace(config, units=units_of(vehicle, step))
     timing = _timing(flights, delays)
     segments = []
     for f in flights:
@@ -90,8 +89,8 @@ def fitted_lpv(prior: LpvModel, flights: Sequence[Flight], step: float) -> LpvMo
         step: time between samples [s].
     """
     vehicle = flights[0].vehicle
-    scale = units(vehicle.mass, ratios(vehicle).clock)
     summary = {**prior.summary, "samples": sum(len(flight.data) for flight in flights)}
+    scale = np.repeat(units_of(vehicle, step), 3)
     model = dc.replace(prior, scale=scale, step=step, summary=summary)
     origin = origin_of(flights[0].frame, vehicle, RAW)
     return with_origin(model, origin, **_timing(flights, delays_sought(step)))

@@ -21,6 +21,8 @@ import numpy as np
 from np_drake.checks import require
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Taps
 from np_drake.trained_model import STEPS, number_in, summary_in
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import PERIOD, ratios
 
 NEURAL_LPV = "neural-lpv"
 Array = Any  # of numpy in flight, a tensor of torch in training
@@ -29,7 +31,7 @@ TAPS = Taps.averaging(100, 8, 12)  # what the encoders see of a window
 BLOCKS, BLOCK = 10, 8  # means of so many samples, of which the statistics are made [1]
 DECAYS = np.exp(-1.0 / np.array([75.0, 300.0]))  # of the statistics over a sample [1]
 NEW = 400.0  # samples during which a flight counts as new [1]
-ARM = 0.1  # unit of a torque over that of a force [m]
+ARM = 0.1  # unit of a torque over that of a force, of the paper's vehicle [m]
 LEAST = 1e-3  # added to mean squares before their logarithm [1]
 # Force, velocity, body rate and torque of each plane: columns of [chi, zeta], and signs
 CHANNELS = np.array([0, 6, 10, 4, 1, 7, 9, 3])
@@ -48,14 +50,15 @@ PARAMETERS = RATES + PLANE + DECAYING + 2
 MOST = 20.0  # largest logarithm of a gate [1]
 
 
-def units(mass: float, clock: float) -> np.ndarray:
-    """Return the units of [chi, zeta] (12,), in which two vehicles of any size look alike.
+def units_of(vehicle: Vehicle, step: float) -> tuple[float, float, float, float]:
+    """Return the units of force, torque, velocity and body rate in which vehicles of any size look
+    alike: of a force 1 m/s² of the mass; time is counted in steps.
 
     Args:
-        mass: of the vehicle [kg].
-        clock: of its time over that of the paper's vehicle [1].
+        step: between samples [s].
     """
-    return np.repeat([mass, mass * ARM * clock**2, clock, 1 / clock], 3)
+    clock = step / PERIOD
+    return vehicle.mass, vehicle.mass * ARM * ratios(vehicle).length, clock, 1 / clock
 
 
 @dc.dataclass(frozen=True)

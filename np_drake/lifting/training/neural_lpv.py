@@ -1,8 +1,8 @@
 """Training of the `neural-lpv` configuration on flights with many payloads.
 
 Encoders and network descend on the error of forecasts of chi, up to the horizon ahead, along the
-motion as it was flown. An error counts beside how far the force moves away over the horizon, so
-that a calm flight weighs as much as a fast one.
+motion as it was flown. An error counts over its usual size in that flight, as in the likelihood of
+normal errors whose variance is each flight's own: gusts would drown a calm flight otherwise.
 """
 
 import dataclasses as dc
@@ -29,7 +29,6 @@ from np_drake.lifting.model.lpv_model import (
     Array,
     Features,
     LpvModel,
-    units,
 )
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import excitation
@@ -39,15 +38,16 @@ STRIDE, STEPS = 2, 20  # samples between forecasts, and how many there are ahead
 HORIZON = STRIDE * STEPS  # [samples]
 EARLIEST, SPACING = 5, 2  # first origin of a flight, and samples between two
 AVERAGED = 5  # labels that are averaged in what a forecast is compared with
-FINE, FINE_TORQUE = 0.03, 0.04  # errors that count as small, over the units [m/s²]
-MOVED = 0.05  # share of the force's mean square move that counts as small [1]
-ROBUST = 2.0  # error over a small one beyond which it counts linearly [1]
-NOW = 8  # dense taps, whose mean is the force of now
+# Least usual error of force in the planes, in heave, of torque [m/s²], and weight of each
+FINE, WEIGHT = torch.tensor([0.03, 0.03, 0.04]), torch.tensor([1.0, 0.5, 0.5])
+KEPT = 0.95  # of a flight's usual square error, at a new one [1]
+ROBUST = 2.0  # error over the usual one beyond which it counts linearly [1]
 # At the start, of oscillators and decays [1/step]
 TURNS, DAMPINGS, RATE = (0.07, 0.12), (6e-3,) * OSCILLATORS, (2e-3, 0.04, 0.2)
 INPUT, DRAG = 0.06, 0.3  # of an output of the network
 WEAK = 1e-4  # power of a direction that counts as none, over the strongest [1]
 REPORTS = 20  # of the loss in a training
+SHORTEST = 20  # gradient steps of which the rate has a course
 PAIRS = np.triu_indices(2 * BLOCKS)  # of a symmetric matrix
 TWICE = torch.from_numpy(np.where(PAIRS[0] == PAIRS[1], 1.0, 2.0)).float()
 
@@ -64,20 +64,23 @@ class NeuralLpvConfig:
     batch: int = 512  # forecasts of a step [1]
     learning_rate: float = 4e-3  # of Adam, rising over a tenth and falling along a cosine [1]
     matrix_rate: float = 0.05  # of Muon, of the encoders, likewise [1]
-    mass: float = 2.0  # of the vehicle [kg]
-    clock: float = 1.0  # of its time over that of the paper's vehicle [1]
+    # Of force, torque, velocity and body rate, of the vehicle [N, N·m, m/s, rad/s]
+    units: tuple[float, float, float, float] = (2.0, 0.2, 1.0, 1.0)
     seed: int = 0  # of the initial weights and the forecasts of each step
 
 
 def origins(segments: list[Segment], scale: np.ndarray) -> list[torch.Tensor]:
     """Return, of every instant that is forecast from: planes, heave, decaying means of the products
-    of blocks and of the squares of climb, age, zeta from the step before on, and chi ahead.
+    of blocks and of the squares of climb, age, zeta from the step before on, chi ahead, and the
+    number of the flight.
 
     Args:
         scale: (12,) units of [chi, zeta].
     """
-    parts = zip(*(_origins(segment, scale) for segment in segments), strict=True)
-    return [torch.from_numpy(np.concatenate(part).astype(np.float32)) for part in parts]
+    found = [_origins(segment, scale) for segment in segments]
+    parts = [np.concatenate(part).astype(np.float32) for part in zip(*found, strict=True)]
+    flight = np.repeat(np.arange(len(found)), [len(one[0]) for one in found])
+    return [torch.from_numpy(part) for part in (*parts, flight)]
 
 
 def _origins(segment: Segment, scale: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -96,7 +99,10 @@ def _origins(segment: Segment, scale: np.ndarray) -> tuple[np.ndarray, ...]:
     )
     smooth = scipy.ndimage.uniform_filter1d(samples[:, :6], AVERAGED, axis=0)
     return (
-        *(seen.planes[at], seen.heave[at], products, climb),
+        seen.planes[at],
+        seen.heave[at],
+        products,
+        climb,
         np.minimum(count[at], NEW) / NEW,
         samples[at[:, None] + np.arange(-1, HORIZON), 6:],
         smooth[at[:, None] + STRIDE * np.arange(STEPS + 1)],
@@ -112,9 +118,8 @@ class LpvNetwork(nn.Module):
 
     def __init__(self, config: NeuralLpvConfig, seen: list[torch.Tensor]):
         super().__init__()
-        torch.manual_seed(config.seed)
         planes, heave, products, climb, age, *_ = seen
-        self.scale, J, taps = units(config.mass, config.clock), config.experts, len(TAPS.matrix)
+        self.scale, J, taps = np.repeat(config.units, 3), config.experts, len(TAPS.matrix)
         mean = np.zeros((2 * BLOCKS, 2 * BLOCKS))
         mean[PAIRS] = products.mean(dim=(0, 1)).numpy()
         moving = planes.unflatten(-1, (taps, 4))[..., :3].flatten(-2)
@@ -186,18 +191,13 @@ class LpvNetwork(nn.Module):
             z = torch.baddbmm(drive[..., i : i + 1], A, z)
         return (C @ torch.cat([*found, z], dim=2)).mT
 
-    def loss(self, rows: list[torch.Tensor]) -> torch.Tensor:
-        """Return the mean error of forecasts over small errors, robust."""
-        *seen, goal = rows
-        error, taps = self.forecast(*seen) - goal, len(TAPS.matrix)
-        planes, heave = seen[0].unflatten(-1, (taps, 4)), seen[1].unflatten(-1, (taps, 2))
-        now = torch.cat([planes[:, :, :NOW, 0].mean(dim=2), heave[:, :NOW, :1].mean(dim=1)], dim=1)
-        move = (goal[..., :3] - now[:, None]).square().mean(dim=1, keepdim=True)
-        lateral = (FINE**2 + MOVED * move[..., :2].mean(dim=2, keepdim=True)).sqrt()
-        vertical = (FINE**2 + MOVED * move[..., 2:]).sqrt()
-        parts = error[..., :2] / lateral, error[..., 2:3] / vertical, error[..., 3:5] / FINE_TORQUE
-        size = [smooth_l1_loss(part, torch.zeros_like(part), beta=ROBUST) for part in parts]
-        return size[0] + 0.5 * size[1] + 0.5 * size[2]
+    def errors(self, rows: list[torch.Tensor]) -> list[torch.Tensor]:
+        """Return the errors of forecasts without units, of force in the planes, in heave, and of
+        torque, (n, STEPS + 1, 2 | 1 | 2).
+        """
+        *seen, goal, _ = rows
+        error = self.forecast(*seen) - goal
+        return [error[..., :2], error[..., 2:3], error[..., 3:5]]
 
 
 def energies(probes: Array, products: torch.Tensor, climb: torch.Tensor) -> torch.Tensor:
@@ -224,7 +224,8 @@ def _inverse_root(moment: np.ndarray) -> torch.Tensor:
     """
     size = np.sqrt(np.diag(moment)) + 1e-6
     power, axes = np.linalg.eigh(moment / np.outer(size, size))
-    scaled = axes / np.sqrt(power + WEAK * power[-1]) / size[:, None]
+    root = np.sqrt(np.maximum(power, 0.0) + WEAK * max(power[-1], 1.0))
+    scaled = axes / root / size[:, None]
     return torch.from_numpy(scaled).float()
 
 
@@ -233,8 +234,11 @@ def train_neural_lpv(
 ) -> tuple[LpvModel, list[float]]:
     """Return (model, loss now and then)."""
     segments = check_segments(segments, EARLIEST + HORIZON + 2)
-    seen = origins(segments, units(config.mass, config.clock))
-    network, generator = LpvNetwork(config, seen), np.random.default_rng(config.seed)
+    seen = origins(segments, np.repeat(config.units, 3))
+    with torch.random.fork_rng():
+        torch.manual_seed(config.seed)
+        network = LpvNetwork(config, seen)
+    generator = np.random.default_rng(config.seed)
     matrices: list[Any] = [network.experts, network.glances, network.layers[1].weight]
     others = [value for value in network.parameters() if all(value is not m for m in matrices)]
     optimisers: list[Any] = [
@@ -249,14 +253,24 @@ def train_neural_lpv(
     }
     rates = [
         torch.optim.lr_scheduler.OneCycleLR(
-            optimiser, optimiser.param_groups[0]["lr"], max(config.epochs, 1), **rise
+            optimiser, optimiser.param_groups[0]["lr"], max(config.epochs, SHORTEST), **rise
         )
         for optimiser in optimisers
     ]
+    usual = torch.ones(len(segments), len(FINE))  # square error of each flight
     losses, history = list[float](), list[float]()
     for step in range(1, config.epochs + 1):
         rows = generator.integers(len(seen[0]), size=config.batch)
-        loss = network.loss([of[rows] for of in seen])
+        batch = [of[rows] for of in seen]
+        errors, flight = network.errors(batch), batch[-1]
+        size = (usual[flight] + FINE**2).sqrt()
+        square = torch.stack([e.detach().square().mean(dim=(1, 2)) for e in errors], dim=1)
+        count = torch.bincount(flight, minlength=len(usual))[:, None]
+        mean = torch.zeros_like(usual).index_add_(0, flight, square) / count.clip(1)
+        usual += (1 - KEPT**count) * (mean - usual)
+        parts = [e / size[:, i, None, None] for i, e in enumerate(errors)]
+        robust = [smooth_l1_loss(e, torch.zeros_like(e), beta=ROBUST) for e in parts]
+        loss = torch.stack(robust) @ WEIGHT
         network.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(network.parameters(), 1.0)
@@ -273,6 +287,5 @@ def train_neural_lpv(
         "excitation": excitation(segments),
     }
     period = float(np.median([segment.step for segment in segments]))
-    with torch.no_grad():
-        model = network.model(period)
+    model = network.requires_grad_(False).model(period)
     return dc.replace(model.in_numpy(), summary=summary), history

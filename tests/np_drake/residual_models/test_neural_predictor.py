@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
-from np_drake.lifting.model.lpv_model import NEURAL_LPV, PARAMETERS, LpvModel, units
+from np_drake.lifting.model.lpv_model import NEURAL_LPV, PARAMETERS, LpvModel
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import LiftedPredictor, NeuralPredictor
 
@@ -102,7 +102,7 @@ def lpv_model() -> LpvModel:
     draw = np.random.default_rng(0).normal
     arrays = [draw(size=s) for s in ((2, 7, 80), (2, 3, 40), 80, 7, (2, 3, 20), (4, 80))]
     weights, biases = (draw(size=(2 + PARAMETERS, 55)),), (draw(size=2 + PARAMETERS),)
-    return LpvModel(STEP, units(2.0, 1.0), *arrays, weights, biases)
+    return LpvModel(STEP, np.ones(12), *arrays, weights, biases)
 
 
 MODELS = {"delay": last_sample_model(), PAPER: paper_model(), NEURAL_LPV: lpv_model()}
