@@ -267,7 +267,7 @@ def train_neural_lpv(
         square = torch.stack([e.detach().square().mean(dim=(1, 2)) for e in errors], dim=1)
         count = torch.bincount(flight, minlength=len(usual))[:, None]
         mean = torch.zeros_like(usual).index_add_(0, flight, square) / count.clip(1)
-        usual += (1 - KEPT**count) * (mean - usual)
+        usual += (1 - KEPT) * (count > 0) * (mean - usual)
         parts = [e / size[:, i, None, None] for i, e in enumerate(errors)]
         robust = [smooth_l1_loss(e, torch.zeros_like(e), beta=ROBUST) for e in parts]
         loss = torch.stack(robust) @ WEIGHT

@@ -59,7 +59,7 @@ def foreseen(model, rows: np.ndarray, at: int = 120) -> np.ndarray:
 def test_what_flies_is_what_was_trained(row):
     expected = NETWORK.forecast(*(part[row, None] for part in SEEN[:6]))[0].numpy()
     found = foreseen(MODEL, ROWS, neural_lpv.EARLIEST + neural_lpv.SPACING * row) / MODEL.scale[:6]
-    assert np.abs(found - expected)[:, :5].max() < 3e-4 * np.abs(expected).max()  # float32
+    assert np.abs(found - expected)[:, :5].max() < 1e-3 * np.abs(expected).max()  # float32
 
 
 @pytest.mark.parametrize("image", IMAGES)
