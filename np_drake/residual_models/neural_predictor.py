@@ -8,12 +8,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from np_drake import rigid_body
-from np_drake.lifting.model.lifted_linear_system import (
-    RADIUS,
-    LiftedLinearSystem,
-    advance,
-    stabilized,
-)
+from np_drake.lifting.model.lifted_linear_system import RADIUS, LiftedLinearSystem, stabilized
 from np_drake.lifting.model.lifted_model import LiftedModel, load_model
 from np_drake.lifting.model.lpv_model import DECAYS, NEW, PARAMETERS, Features, K, LpvModel
 from np_drake.residual_model import Memory, Sample, WrenchForecast
@@ -113,16 +108,12 @@ class NeuralPredictor:
     def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
         return self.system(memory).resample(stride)
 
-    def _before_label(self, memory: Memory) -> tuple[np.ndarray, np.ndarray]:
-        """Return z and zeta one step before the next label's time."""
-        return memory["z"], memory["window"][-1, 6:]
-
     def _own_prediction(self, memory: Memory) -> np.ndarray:
         """Return what the model expected for this sample before it came, (6,)."""
         if not self._warm(memory):
             return memory["lowpass"]
-        s, (z, zeta) = self.system(memory), self._before_label(memory)
-        return np.where(self._held, memory["lowpass"], s.C @ (s.A @ z + s.B @ zeta))
+        s, zeta = self.system(memory), memory["window"][-1, 6:]
+        return np.where(self._held, memory["lowpass"], s.C @ (s.A @ memory["z"] + s.B @ zeta))
 
     def _counted(self, memory: Memory, labelled: bool, complete: bool) -> Memory:
         """Return the counters after one more sample."""
@@ -141,9 +132,6 @@ class NeuralPredictor:
 
 class LiftedPredictor(NeuralPredictor):
     """Predictor of one system, or of one that is refit in flight.
-
-    A label that is known to be late is lifted at its own time, and z then taken to the present with
-    the zeta since.
 
     Memory: as of `NeuralPredictor`; where A (K, K) and B (K, 6) change in flight, these, and rows
     (refit, K + 6), what the refit reads of each sample, lifted once, zero before the first window
@@ -172,19 +160,13 @@ class LiftedPredictor(NeuralPredictor):
 
     def _lifted(self, new: Memory, *, labelled: bool) -> Memory:
         model, window = self.model, new["window"]
-        z = model.encoder(model.in_time(window)) if self._warm(new) else None
+        z = model.encoder(window) if self._warm(new) else None
         if model.trust is not None:
             return model.trust.update(new, z, window[-1, :6], labelled=labelled)
         if z is None:
             return {}
-        zeta = window[-1 - model.late, 6:]
-        found = {} if self._refit is None else self._refit.update(new["rows"], z, zeta)
-        system = self.system(new | found)
-        return found | {"z": advance(z, system.A, system.B, model.since_label(window))}
-
-    def _before_label(self, memory: Memory) -> tuple[np.ndarray, np.ndarray]:
-        z = memory["rows"][-1, : self.model.system.K] if self._refit else memory["z"]
-        return z, memory["window"][-1 - self.model.late, 6:]
+        found = {} if self._refit is None else self._refit.update(new["rows"], z, window[-1, 6:])
+        return found | {"z": z}
 
     def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
         if "A" in memory:

@@ -145,20 +145,6 @@ class LiftedLinearSystem:
         return LiftedLinearSystem(A, B, self.C, self.step * stride)
 
 
-def advance(z: np.ndarray, A: np.ndarray, B: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-    """Return z (..., K) after the steps of `zeta`, from z (..., K).
-
-    Args:
-        z: (..., K) at the first of them.
-        A: (..., K, K), one for all or one each.
-        B: (..., K, 6), likewise.
-        zeta: (..., steps, 6) [m/s, rad/s].
-    """
-    for i in range(zeta.shape[-2]):
-        z = (A @ z[..., None] + B @ zeta[..., i, :, None])[..., 0]
-    return z
-
-
 @dc.dataclass(frozen=True)
 class Encoder:
     """Map from a window w of the last D samples of [chi, zeta], oldest first, to z.

@@ -16,8 +16,6 @@ and effects):
   discounts the prediction step: mean over j of mu^j |z_j - z_hat_j|².
 - Samples enter Phi over one scale for force, torque, v and omega each; gamma is the Lipschitz
   constant there.
-- A causal label lags behind its zero-phase target: each label stands beside the zeta of its own
-  time, in training and in flight.
 - Every window is turned by quarter turns about the vertical or mirrored: a circle in one direction
   locks force and velocity in a relation that no other flight has.
 """
@@ -250,10 +248,9 @@ class PaperTrainer:
     """State of one training run: Phi, C, priors, optimiser, epoch."""
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
-        self.config, self.late = config, max((segment.late for segment in segments), default=0)
+        self.config = config
         before = config.lags[-1]  # samples that Phi sees before a window
-        segments = check_segments(segments, config.window + before + self.late)
-        segments = [segment.in_time for segment in segments]
+        segments = check_segments(segments, config.window + before)
         self.step = float(np.median([segment.step for segment in segments]))
         self.samples = sum(map(len, segments))
         chi, zeta = [segment.chi for segment in segments], [segment.zeta for segment in segments]
@@ -340,7 +337,6 @@ class PaperTrainer:
             summary,
             refit=self.config.window,
             ridge=RIDGE,
-            late=self.late,
         )
 
     def _fit_priors(self) -> None:

@@ -25,7 +25,6 @@ from np_drake.lifting.training.paper_training import (
 from np_drake.lifting.training.train import train
 from np_drake.residual_models.neural_predictor import LiftedPredictor
 from np_drake.skill.skill import skill_table
-from np_drake.training_data.segments import Segment
 
 CONFIG = PaperConfig(epochs=2, spacing=20)
 
@@ -143,21 +142,6 @@ def test_the_backward_loss_is_the_mean_square_of_the_way_back(monkeypatch):
     assert dut._rollout_error(z, zeta, half, backward=True).item() == pytest.approx(
         (mu * 0.5**2 + mu**2 * 0.75**2 + mu**3 * 2.875**2) / 3
     )
-
-
-def test_a_late_label_is_learned_as_one_in_time(dithered):
-    """Two samples of delay change the model by what the ends of the flight say, and z is that of
-    now.
-    """
-    late = Segment(dithered.chi, dithered.zeta, 0.02, late=2)
-    in_time = Segment(dithered.chi[2:], dithered.zeta[:-2], 0.02)
-    config = dc.replace(CONFIG, epochs=1, spacing=60)
-    ours, theirs = train([late], config).model, train([in_time], config).model
-    assert (ours.late, theirs.late, ours.window) == (2, 0, theirs.window + 2)
-    np.testing.assert_array_equal(ours.system.A, theirs.system.A)
-    window = np.hstack([dithered.chi, dithered.zeta])[100:135]
-    expected = theirs.encoder(np.hstack([window[2:, :6], window[:-2, 6:]]))
-    np.testing.assert_array_equal(ours.encoder(ours.in_time(window)), expected)
 
 
 def test_images_are_the_turns_of_wrench_and_motion_alike():
