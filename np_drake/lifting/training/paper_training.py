@@ -22,6 +22,8 @@ and effects):
 
 import dataclasses as dc
 import itertools
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import torch
@@ -77,18 +79,14 @@ class PhiModule(nn.Module):
 
     def forward(self, samples: torch.Tensor) -> torch.Tensor:
         """Return z (..., K) of samples (..., inputs), scaled."""
-        return perceptron(samples, self.weights())
+        *hidden, last = self.weights()
+        for W in hidden:
+            samples = torch.relu(samples @ W.T)
+        return samples @ last.T
 
     def export(self) -> tuple[np.ndarray, ...]:
         """Return the weights in numpy."""
         return tuple(W.detach().numpy() for W in self.weights())
-
-
-def perceptron(value: torch.Tensor, weights: list[torch.Tensor]) -> torch.Tensor:
-    """Return W^(L+1) relu(W^L … relu(W^1 value)) of values (..., inputs)."""
-    for W in weights[:-1]:
-        value = torch.relu(value @ W.T)
-    return value @ weights[-1].T
 
 
 def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
@@ -102,13 +100,44 @@ def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
     return W * (gain / (U[:, 0] @ W @ Vh[0]))
 
 
-def descend_once(optimiser: torch.optim.Optimizer, loss: torch.Tensor) -> None:
-    """Take one step of gradient descent, no longer than 1 in all parameters together."""
-    optimiser.zero_grad()
-    loss.backward()
+def descend(
+    optimiser: torch.optim.Optimizer,
+    loss: Callable[[torch.Tensor], torch.Tensor],
+    count: int,
+    config: Any,
+    *,
+    on_epoch: OnEpoch,
+    before_epoch: Callable[[], None] = lambda: None,
+) -> list[float]:
+    """Return the mean loss of each epoch, one pass over the windows in an order drawn from (seed,
+    epoch); a step is no longer than 1 in all parameters together.
+
+    Args:
+        optimiser: its rate falls to a tenth along a cosine.
+        loss: of the windows of these numbers.
+        count: of windows.
+        config: with epochs, batch, learning_rate and seed.
+    """
     parameters = [value for group in optimiser.param_groups for value in group["params"]]
-    torch.nn.utils.clip_grad_norm_(parameters, 1.0)
-    optimiser.step()
+    rate = torch.optim.lr_scheduler.CosineAnnealingLR(
+        optimiser, max(config.epochs, 1), config.learning_rate / 10
+    )
+    history = list[float]()
+    for epoch in range(config.epochs):
+        before_epoch()
+        order = torch.from_numpy(np.random.default_rng([config.seed, epoch]).permutation(count))
+        losses = []
+        for rows in order.split(config.batch):
+            optimiser.zero_grad()
+            error = loss(rows)
+            error.backward()
+            torch.nn.utils.clip_grad_norm_(parameters, 1.0)
+            optimiser.step()
+            losses.append(error.item())
+        rate.step()
+        history.append(float(np.mean(losses)))
+        on_epoch(epoch + 1, config.epochs, history[-1])
+    return history
 
 
 def _initial_weights(
@@ -245,23 +274,16 @@ class PaperConfig:
 
 
 class PaperTrainer:
-    """State of one training run: Phi, C, priors, optimiser, epoch."""
+    """Phi, C and their priors, with the windows that they are trained on."""
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
-        self.config = config
-        before = config.lags[-1]  # samples that Phi sees before a window
-        segments = check_segments(segments, config.window + before)
-        self.step = float(np.median([segment.step for segment in segments]))
-        self.samples = sum(map(len, segments))
+        self.config, before = config, config.lags[-1]  # samples that Phi sees before a window
         chi, zeta = [segment.chi for segment in segments], [segment.zeta for segment in segments]
-        scales = [group_scale(values, centred=False) for values in (chi, zeta)]
-        self.chi_scale, self.zeta_scale = scales
-        self.excitation = excitation(segments)
-        windows = _windows(segments, config) / np.concatenate(scales)
-        late = windows[:, before:]
+        self.scale = np.concatenate([group_scale(of, centred=False) for of in (chi, zeta)])
+        windows = _windows(segments, config) / self.scale
         lagged = [windows[:, before - lag : windows.shape[1] - lag] for lag in config.lags]
         self._samples = torch.from_numpy(np.concatenate(lagged, axis=-1))
-        self._chi, self._zeta = torch.from_numpy(late[..., :6]), torch.from_numpy(late[..., 6:])
+        self.chi, self._zeta = torch.from_numpy(lagged[0]).split(6, dim=-1)
         self.phi = PhiModule(
             start=_start(lagged, config.size),
             K=config.size,
@@ -270,118 +292,107 @@ class PaperTrainer:
             gamma=config.gamma,
             seed=config.seed,
         )
-        self.C = nn.Parameter(torch.zeros(6, config.size, dtype=torch.float64))
         with torch.no_grad():
-            self.C.copy_(self._best_readout(self.phi(self._samples)))
-        self.optimiser = torch.optim.Adam([*self.phi.raw, self.C], lr=config.learning_rate)
-        self._rate = torch.optim.lr_scheduler.CosineAnnealingLR(
-            self.optimiser, max(config.epochs, 1), config.learning_rate / 10
-        )
-        self.epoch, self.history = 0, list[float]()
+            self.C = nn.Parameter(self._best_readout())
 
-    def run_epoch(self) -> float:
-        """Make one pass over the windows in an order drawn from (seed, epoch) and return the mean
-        loss.
-        """
-        order = np.random.default_rng([self.config.seed, self.epoch]).permutation(len(self._chi))
-        losses = []
-        self._fit_priors()
-        for batch in torch.from_numpy(order).split(self.config.batch):
-            loss = self.loss(self._samples[batch], self._chi[batch], self._zeta[batch])
-            descend_once(self.optimiser, loss)
-            losses.append(loss.item())
-        self._rate.step()
-        self.epoch += 1
-        self.history.append(float(np.mean(losses)))
-        return self.history[-1]
+    def loss(self, rows: torch.Tensor) -> torch.Tensor:
+        """Return beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of a batch of windows."""
+        z, zeta, (b1, b2, b3) = self.phi(self._samples[rows]), self._zeta[rows], self.config.beta
+        reconstruction = ((self.chi[rows] - z @ self.C.T) ** 2).mean()
+        forward = rollout_error(z, zeta, self.forward_prior, self.config.mu, backward=False)
+        backward = rollout_error(z, zeta, self.backward_prior, self.config.mu, backward=True)
+        return b1 * forward + b2 * backward + b3 * reconstruction
 
-    def loss(self, samples: torch.Tensor, chi: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
-        """Return beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of a batch of windows.
-
-        Args:
-            samples: (b, W, inputs) that Phi sees, scaled.
-            chi: (b, W, 6), scaled.
-            zeta: (b, W, 6), scaled.
-        """
-        z = self.phi(samples)
-        reconstruction = ((chi - z @ self.C.T) ** 2).mean()
-        forward = self._rollout_error(z, zeta, self.forward_prior, backward=False)
-        backward = self._rollout_error(z, zeta, self.backward_prior, backward=True)
-        b = self.config.beta
-        return b[0] * forward + b[1] * backward + b[2] * reconstruction
-
-    def model(self) -> LiftedModel:
+    def model(self, step: float) -> LiftedModel:
         """Return the trained model, with C as the least-squares readout of the final Phi, as
         L_recons asks for.
+
+        Args:
+            step: between samples [s].
         """
-        self._fit_priors()
-        A, B = self.forward_prior[: self.config.size], self.forward_prior[self.config.size :]
+        self.fit_priors()
+        A, B = np.split(self.forward_prior.numpy().T, [self.config.size], axis=1)
         with torch.no_grad():
-            C = self._best_readout(self.phi(self._samples)).numpy() * self.chi_scale[:, None]
-        system = LiftedLinearSystem(A.numpy().T, B.numpy().T / self.zeta_scale, C, self.step)
+            C = self._best_readout().numpy() * self.scale[:6, None]
         lags = self.config.lags
-        scale = np.tile(np.concatenate([self.chi_scale, self.zeta_scale]), len(lags))
-        picked = Taps.at_lags(lags).expand(np.diag(1.0 / scale), 12)
-        summary = {
-            "samples": self.samples,
-            "epochs": self.epoch,
-            "loss": self.history[-1] if self.history else None,
-            "gamma": self.config.gamma,
-            "excitation": self.excitation,
-        }
+        picked = Taps.at_lags(lags).expand(np.diag(1.0 / np.tile(self.scale, len(lags))), 12)
         return LiftedModel(
             PAPER,
-            system,
+            LiftedLinearSystem(A, B / self.scale[6:], C, step),
             Encoder(picked, self.phi.export(), skip=False),
-            self.zeta_scale,
-            summary,
+            self.scale[6:],
             refit=self.config.window,
             ridge=RIDGE,
         )
 
-    def _fit_priors(self) -> None:
-        """Fit the priors of this epoch with the present Phi."""
+    def fit_priors(self) -> None:
+        """Fit the priors [A_0 B_0]' (K + 6, K) over all windows with the present Phi, A stable."""
         with torch.no_grad():
             z = self.phi(self._samples)
-            self.forward_prior, self.backward_prior = self._prior(z), self._prior(z, backward=True)
+        self.forward_prior, self.backward_prior = (
+            _prior(*regression(z, self._zeta, backward=backward)) for backward in (False, True)
+        )
 
-    def _prior(self, z: torch.Tensor, *, backward: bool = False) -> torch.Tensor:
-        """Return [A_0 B_0]' (K + 6, K) over all windows, with A stable."""
-        X, Y = regression(z, self._zeta, backward=backward)
-        fit, K = global_fit(X, Y), Y.shape[-1]
-        return torch.cat([stable(fit[:K]), fit[K:]])
-
-    def _best_readout(self, z: torch.Tensor) -> torch.Tensor:
+    def _best_readout(self) -> torch.Tensor:
         """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean
         power, (6, K).
         """
-        return global_fit(z, self._chi, 1e-6).T
+        return global_fit(self.phi(self._samples), self.chi, 1e-6).T
 
-    def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
-        """Return the discounted mean square of the multi-step error in z, with each window's own A
-        and B.
-        """
-        X, Y = regression(z, zeta, backward=backward)
-        A, B = window_fit(X, Y, prior, RIDGE)
-        drive = X[..., z.shape[-1] :] @ B
-        course = z.flip(1) if backward else z
-        drive = drive.flip(1) if backward else drive
-        state, error = course[:, 0], torch.zeros((), dtype=z.dtype)
-        for j in range(drive.shape[1]):
-            state = torch.baddbmm(drive[:, j, None], state[:, None], A)[:, 0]
-            error = error + self.config.mu ** (j + 1) * ((state - course[:, j + 1]) ** 2).mean()
-        return error / drive.shape[1]
+
+def _prior(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
+    fit, K = global_fit(X, Y), Y.shape[-1]
+    return torch.cat([stable(fit[:K]), fit[K:]])
+
+
+def rollout_error(
+    z: torch.Tensor, zeta: torch.Tensor, prior: torch.Tensor, mu: float, *, backward: bool
+) -> torch.Tensor:
+    """Return the discounted mean square of the multi-step error in z, with each window's own A and
+    B.
+
+    Args:
+        z: (b, W, K).
+        zeta: (b, W, 6), scaled.
+        prior: (K + 6, K) of that direction of time.
+        mu: discount of a step [1].
+    """
+    X, Y = regression(z, zeta, backward=backward)
+    A, B = window_fit(X, Y, prior, RIDGE)
+    drive = X[..., z.shape[-1] :] @ B
+    if backward:
+        z, drive = z.flip(1), drive.flip(1)
+    state, error = z[:, 0], torch.zeros((), dtype=z.dtype)
+    for j in range(drive.shape[1]):
+        state = torch.baddbmm(drive[:, j, None], state[:, None], A)[:, 0]
+        error = error + mu ** (j + 1) * ((state - z[:, j + 1]) ** 2).mean()
+    return error / drive.shape[1]
 
 
 def train_paper(
     segments: list[Segment], config: PaperConfig, on_epoch: OnEpoch
 ) -> tuple[LiftedModel, list[float]]:
     """Return (model, loss after each epoch)."""
+    segments = check_segments(segments, config.window + config.lags[-1])
     trainer = PaperTrainer(segments, config)
-    while trainer.epoch < config.epochs:
-        loss = trainer.run_epoch()
-        on_epoch(trainer.epoch, config.epochs, loss)
-    return trainer.model(), trainer.history
+    optimiser = torch.optim.Adam([*trainer.phi.raw, trainer.C], lr=config.learning_rate)
+    history = descend(
+        optimiser,
+        trainer.loss,
+        len(trainer.chi),
+        config,
+        on_epoch=on_epoch,
+        before_epoch=trainer.fit_priors,
+    )
+    model = trainer.model(float(np.median([segment.step for segment in segments])))
+    summary = {
+        "samples": sum(map(len, segments)),
+        "epochs": config.epochs,
+        "loss": history[-1] if history else None,
+        "gamma": config.gamma,
+        "excitation": excitation(segments),
+    }
+    return dc.replace(model, summary=summary), history
 
 
 def _windows(segments: list[Segment], config: PaperConfig) -> np.ndarray:

@@ -17,9 +17,9 @@ from np_drake.lifting.training.paper_training import (
     LAGS,
     RIDGE,
     PaperConfig,
-    PaperTrainer,
     PhiModule,
     foreseeing,
+    rollout_error,
     window_fit,
 )
 from np_drake.lifting.training.train import train
@@ -128,18 +128,16 @@ def test_a_window_fit_is_ridge_regression_toward_the_prior():
 def test_the_backward_loss_is_the_mean_square_of_the_way_back(monkeypatch):
     """In closed form: a scalar that stands still, a prior that says half of it, and no refit."""
     monkeypatch.setattr(paper_training, "RIDGE", 1e12)
-    dut, half = object.__new__(PaperTrainer), torch.zeros(7, 1, dtype=torch.float64)
-    dut.config = CONFIG
+    half, mu = torch.zeros(7, 1, dtype=torch.float64), 0.999
     half[0, 0] = 0.5
     z, zeta = torch.ones(2, 4, 1, dtype=torch.float64), torch.zeros(2, 4, 6, dtype=torch.float64)
-    mu = CONFIG.mu
     expected = (mu * 0.5**2 + mu**2 * 0.75**2 + mu**3 * 0.875**2) / 3
-    assert dut._rollout_error(z, zeta, half, backward=True).item() == pytest.approx(expected)
+    assert rollout_error(z, zeta, half, mu, backward=True).item() == pytest.approx(expected)
     z[:, 0] = 3.0  # forward from the first sample, backward from the last
-    assert dut._rollout_error(z, zeta, half, backward=False).item() == pytest.approx(
+    assert rollout_error(z, zeta, half, mu, backward=False).item() == pytest.approx(
         (mu * 0.5**2 + mu**2 * 0.25**2 + mu**3 * 0.625**2) / 3
     )
-    assert dut._rollout_error(z, zeta, half, backward=True).item() == pytest.approx(
+    assert rollout_error(z, zeta, half, mu, backward=True).item() == pytest.approx(
         (mu * 0.5**2 + mu**2 * 0.75**2 + mu**3 * 2.875**2) / 3
     )
 
