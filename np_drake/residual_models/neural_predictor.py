@@ -86,7 +86,8 @@ class NeuralPredictor:
 
         Channels that C does not read, and all before the first z, are held in `offset`.
         """
-        offset, system, z = memory["lowpass"].copy(), self._resampled(memory, stride), memory["z"]
+        offset, z = memory["lowpass"].copy(), memory["z"]
+        system = self.system(memory).resample(stride)
         if self._warm(memory):
             offset[~self._held] = 0.0
         else:
@@ -104,9 +105,6 @@ class NeuralPredictor:
     def _lifted(self, new: Memory, *, labelled: bool) -> Memory:
         """Return z, where there are samples enough, and what else changes with the newest one."""
         raise NotImplementedError
-
-    def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
-        return self.system(memory).resample(stride)
 
     def _own_prediction(self, memory: Memory) -> np.ndarray:
         """Return what the model expected for this sample before it came, (6,)."""
@@ -145,8 +143,6 @@ class LiftedPredictor(NeuralPredictor):
         held = np.all(model.system.C == 0.0, axis=1)
         super().__init__(model, held, enough=model.window, longest=model.window)
         self._refit = WindowRefit(model) if model.refit else None
-        # Constants by stride, computed when first asked for
-        self._resampled_offline: dict[int, LiftedLinearSystem] = {}
 
     def system(self, memory: Memory) -> LiftedLinearSystem:
         """Return the lifted linear system in use now, at the model's step."""
@@ -167,13 +163,6 @@ class LiftedPredictor(NeuralPredictor):
             return {}
         found = {} if self._refit is None else self._refit.update(new["rows"], z, window[-1, 6:])
         return found | {"z": z}
-
-    def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
-        if "A" in memory:
-            return super()._resampled(memory, stride)
-        if stride not in self._resampled_offline:
-            self._resampled_offline[stride] = self.model.system.resample(stride)
-        return self._resampled_offline[stride]
 
 
 class LpvPredictor(NeuralPredictor):

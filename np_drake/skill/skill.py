@@ -21,7 +21,6 @@ from np_drake.training_data.segments import (
     Flight,
     SampledFlight,
     Segment,
-    WrenchSequence,
     flown_segments,
     of_wrenches,
 )
@@ -206,7 +205,11 @@ def score_flights(
     Raises: ValueError: if a step is not the model's, or a flight too short.
     """
     rows: list[dict[str, Any]] = []
-    predictor, name = predictor_of(model), model.configuration
+    name = model.configuration
+    predictor: Predictor = (
+        PayloadFilter(model) if isinstance(model, PayloadFilterModel) else NeuralPredictor.of(model)
+    )
+    first = model.window if isinstance(model, LiftedModel) else 1
     for number, flight in enumerate(flights, 1):
         segment, seen = _longest_flown(flight, predictor)
         table = skill_table(
@@ -217,8 +220,8 @@ def score_flights(
             mean=segment.chi.mean(axis=0),
             target=segment.goal,
             zeta_known=zeta == "known",
-            warm_up=max(WARM_UP, _first(model) + 1),
-            flight=flight_name(flight),
+            warm_up=max(WARM_UP, first),
+            flight=TESTS.get(f"merged_{flight.data.name}", flight.data.name),  # the paper's name
             seen={name: seen},
         )
         rows += [{**row, "horizon": row["horizon"] * segment.step, "zeta": zeta} for row in table]
@@ -226,51 +229,30 @@ def score_flights(
     return rows
 
 
-def flight_name(flight: Flight) -> str:
-    """Return the paper's name of a flight where it has one."""
-    return TESTS.get(f"merged_{flight.data.name}", flight.data.name)
-
-
-def predictor_of(model: Model) -> Predictor:
-    """Return the predictor of a model, which predicts force and torque."""
-    if isinstance(model, PayloadFilterModel):
-        return PayloadFilter(model)
-    return NeuralPredictor.of(model)
-
-
 def _longest_flown(flight: Flight, predictor: Predictor) -> tuple[Segment, SampledFlight]:
     """Return the longest uninterrupted piece of a flight, and that piece as the predictor sees it.
 
-    Raises: ValueError: if the predictor was trained on other labels, or nothing usable is left.
+    Raises: ValueError: if the predictor was trained on other labels, an array has another step, or
+        nothing usable is left.
     """
     require_origin(predictor.model, origin_of(flight.frame, flight.vehicle, predictor.label))
-    if not isinstance(flight.data, FlightLog):
+    data, step = flight.data, predictor.step
+    if isinstance(data, FlightLog):
+        pieces = flown_segments(data, flight.vehicle, predictor, step=step)
+    else:
         require(
             isinstance(predictor, NeuralPredictor),
-            f"{flight.data.name}: must be a flight log, with attitude and command, for "
+            f"{data.name}: must be a flight log, with attitude and command, for "
             f"{predictor.name}; got an array.",
         )
-        piece = _longest_piece(flight, predictor.step)
-        return piece, of_wrenches(piece.chi, piece.zeta, piece.step)
-    pieces = flown_segments(flight.data, flight.vehicle, predictor, step=predictor.step)
-    require(pieces, f"{flight.data.name}: must hold rows without NaN; got none.")
-    return max(pieces, key=lambda piece: len(piece[0]))
-
-
-def _longest_piece(flight: Flight, step: float) -> Segment:
-    """Return the longest uninterrupted piece of a flight, at a model's step [s].
-
-    Raises: ValueError: if an array has another step, or nothing usable is left.
-    """
-    data = flight.data
-    require(
-        not isinstance(data, WrenchSequence) or abs(data.step - step) <= STEP_TOLERANCE * step,
-        f"{data.name}: step must be the model's, {step:g} s; got {data.step:g} s. "
-        f"Train on such arrays.",
-    )
-    pieces = flight.segments(step)
+        require(
+            abs(data.step - step) <= STEP_TOLERANCE * step,
+            f"{data.name}: step must be the model's, {step:g} s; got {data.step:g} s. "
+            f"Train on such arrays.",
+        )
+        pieces = [(s, of_wrenches(s.chi, s.zeta, s.step)) for s in flight.segments(step)]
     require(pieces, f"{data.name}: must hold rows without NaN; got none.")
-    return max(pieces, key=len)
+    return max(pieces, key=lambda piece: len(piece[0]))
 
 
 def diverged(rows: list[dict[str, Any]]) -> list[str]:
@@ -286,8 +268,3 @@ def _bounded(row: dict[str, Any]) -> bool:
     peaks = [row[f"{kind}_peak"] for kind in ("force", "torque")]
     finite = np.isfinite(row["force_rmse"]) and np.isfinite(row["torque_rmse"])
     return bool(finite and not any(peak > DIVERGED for peak in peaks))
-
-
-def _first(model: Model) -> int:
-    """Return the number of the first sample that a model forecasts from."""
-    return model.window - 1 if isinstance(model, LiftedModel) else 0

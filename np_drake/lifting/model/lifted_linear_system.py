@@ -106,12 +106,11 @@ class LiftedLinearSystem:
     step: float  # time of one application of A [s]
 
     def __post_init__(self):
-        K = len(self.A)
-        if self.A.shape != (K, K) or self.B.shape != (K, 6) or self.C.shape != (6, K):
-            shapes = f"{self.A.shape}, {self.B.shape}, {self.C.shape}"
-            raise ValueError(
-                f"LiftedLinearSystem: A, B, C must be (K, K), (K, 6), (6, K); got {shapes}."
-            )
+        K, shapes = len(self.A), [matrix.shape for matrix in (self.A, self.B, self.C)]
+        require(
+            shapes == [(K, K), (K, 6), (6, K)],
+            f"LiftedLinearSystem: A, B, C must be (K, K), (K, 6), (6, K); got {shapes}.",
+        )
         require(self.step > 0, f"LiftedLinearSystem: step must be positive [s]; got {self.step}.")
 
     @property
@@ -149,20 +148,18 @@ class LiftedLinearSystem:
 class Encoder:
     """Map from a window w of the last D samples of [chi, zeta], oldest first, to z.
 
-        eta = E w + offset,   z = skip eta + N(eta)
-        N(eta) = W^(L+1) relu(W^L … relu(W^1 eta))
+        z = W^(L+1) relu(W^L … relu(W^1 eta)),   eta = E w + offset
 
-    N is a multilayer perceptron without bias; without layers z is eta.
-    Source: Jin et al. 2025, eq. (dnn), of one sample of chi; window and skip are own choices.
+    A multilayer perceptron without bias; without layers z is eta.
+    Source: Jin et al. 2025, eq. (dnn), of one sample of chi; the window is an own choice.
     """
 
     E: np.ndarray  # (F, 12 D) per [N, N·m, m/s, rad/s]
     weights: tuple[np.ndarray, ...] = ()  # (out, in) matrices
     offset: np.ndarray | None = None  # (F,), None for zero
-    skip: bool = True
 
     def __post_init__(self):
-        F = width = len(self.E)
+        width = len(self.E)
         require(
             self.E.ndim == 2 and self.E.shape[1] % 12 == 0 and self.E.size,
             f"Encoder: E must be (F, 12 D); got {self.E.shape}.",
@@ -174,18 +171,13 @@ class Encoder:
             )
             width = len(W)
         require(
-            not self.skip or width == F,
-            f"Encoder: the last layer must have as many outputs as E, {F}; got {width}.",
-        )
-        require(
-            self.offset is None or self.offset.shape == (F,),
-            f"Encoder: offset must be ({F},), one a row of E.",
+            self.offset is None or self.offset.shape == self.E.shape[:1],
+            f"Encoder: offset must be ({len(self.E)},), one a row of E.",
         )
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Return the arrays that a model file holds, by name."""
-        arrays = {"E": self.E, "skip": np.array([float(self.skip)])}
-        arrays |= {f"W{i}": W for i, W in enumerate(self.weights)}
+        arrays = {"E": self.E} | {f"W{i}": W for i, W in enumerate(self.weights)}
         return arrays if self.offset is None else arrays | {"offset": self.offset}
 
     @classmethod
@@ -193,8 +185,7 @@ class Encoder:
         """Return the encoder in the tensors of a model file; ValueError where they hold none."""
         layers = range(sum(name.startswith("W") for name in tensors))
         weights = tuple(tensors[f"W{i}"] for i in layers)
-        skip = bool(tensors["skip"].item())
-        return cls(tensors["E"], weights, tensors.get("offset"), skip)
+        return cls(tensors["E"], weights, tensors.get("offset"))
 
     @property
     def delay(self) -> int:
@@ -208,16 +199,12 @@ class Encoder:
 
     def __call__(self, window: np.ndarray) -> np.ndarray:
         """Return z (..., K) of a window (..., D, 12) [N, N·m, m/s, rad/s]."""
-        eta = window.reshape(window.shape[:-2] + (-1,)) @ self.E.T
+        z = window.reshape(window.shape[:-2] + (-1,)) @ self.E.T
         if self.offset is not None:
-            eta = eta + self.offset
-        if not self.weights:
-            return eta
-        z = eta
+            z = z + self.offset
         for W in self.weights[:-1]:
             z = np.maximum(z @ W.T, 0.0)
-        z = z @ self.weights[-1].T
-        return eta + z if self.skip else z
+        return z @ self.weights[-1].T if self.weights else z
 
 
 @dc.dataclass(frozen=True)

@@ -44,7 +44,11 @@ class LiftedModel:
     trust: Trust | None = None
 
     def __post_init__(self):
-        require_configuration(self.configuration)
+        require(
+            self.configuration in CONFIGURATIONS,
+            f"configuration must be {' | '.join(CONFIGURATIONS)}; got {self.configuration}. "
+            "Train again.",
+        )
         require(
             self.encoder.K == self.system.K,
             f"LiftedModel: encoder and system must agree on K; got {self.encoder.K} and "
@@ -68,17 +72,6 @@ class LiftedModel:
 
 
 Predictor = LiftedModel | LpvModel  # of any configuration
-
-
-def require_configuration(name: str) -> None:
-    """Check that a configuration of that name exists.
-
-    Raises: ValueError: if there is none.
-    """
-    require(
-        name in CONFIGURATIONS,
-        f"configuration must be {' | '.join(CONFIGURATIONS)}; got {name}. Train again.",
-    )
 
 
 # What a header may hold, own choice: beyond it a file is damaged.
@@ -128,17 +121,15 @@ def load_model(path: str | Path) -> Predictor:
 
 
 def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
-    configuration = str(header["configuration"])
-    require_configuration(configuration)
     system = LiftedLinearSystem(
         tensors["A"], tensors["B"], tensors["C"], number_in(header, "step", *STEPS)
     )
-    if system.spectral_radius > 1.0 + 1e-9:
-        raise ValueError(f"A must be stable; its spectral radius is {system.spectral_radius:.6g}.")
+    radius = system.spectral_radius
+    require(radius <= 1.0 + 1e-9, f"A must be stable; its spectral radius is {radius:.6g}.")
     scale = tensors["zeta_scale"]
     require(scale.shape == (6,) and np.all(scale > 0), "zeta_scale must be six positive numbers.")
     return LiftedModel(
-        configuration,
+        header["configuration"],
         system,
         Encoder.from_tensors(tensors),
         scale,

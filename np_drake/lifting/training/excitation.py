@@ -22,6 +22,7 @@ def turns(zeta: np.ndarray) -> list[np.ndarray]:
     return images + [image * mirror for image in images]
 
 
+TURNS = np.array(turns(np.eye(6)))  # (8, 6, 6): row vectors chi and zeta times it are their images
 CHANNELS = ("vx", "vy", "vz", "wx", "wy", "wz")
 AVERAGE = (
     8  # samples averaged before motion is compared with noise: dynamics are slower than noise [1]

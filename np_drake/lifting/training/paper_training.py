@@ -38,7 +38,7 @@ from np_drake.lifting.model.lifted_linear_system import (
 )
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.excitation import excitation, turns
+from np_drake.lifting.training.excitation import TURNS, excitation
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 # Of the samples that Phi sees, the newest 0, half a second in all at 50 Hz; own choice: a swing of
@@ -319,7 +319,7 @@ class PaperTrainer:
         return LiftedModel(
             PAPER,
             LiftedLinearSystem(A, B / self.scale[6:], C, step),
-            Encoder(picked, self.phi.export(), skip=False),
+            Encoder(picked, self.phi.export()),
             self.scale[6:],
             refit=self.config.window,
             ridge=RIDGE,
@@ -411,7 +411,7 @@ def _windows(segments: list[Segment], config: PaperConfig) -> np.ndarray:
     return windows
 
 
-IMAGES = np.kron(np.eye(2), np.array(turns(np.eye(6))))  # (8, 12, 12) of rows [chi, zeta]
+IMAGES = np.kron(np.eye(2), TURNS)  # (8, 12, 12) of rows [chi, zeta]
 
 
 def _start(lagged: list[np.ndarray], count: int) -> np.ndarray:

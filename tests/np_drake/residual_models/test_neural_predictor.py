@@ -31,7 +31,7 @@ def paper_model() -> LiftedModel:
     """z = chi of the last of D samples, through Phi with relu(chi) - relu(-chi)."""
     weights = (np.vstack([np.eye(6), -np.eye(6)]), np.hstack([np.eye(6), -np.eye(6)]))
     model = last_sample_model()
-    encoder = Encoder(model.encoder.E, weights, skip=False)
+    encoder = Encoder(model.encoder.E, weights)
     return dc.replace(model, configuration=PAPER, encoder=encoder, refit=40, ridge=1.0)
 
 

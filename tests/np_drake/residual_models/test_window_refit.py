@@ -24,7 +24,7 @@ def paper_model(seed: int = 0, K: int = 8) -> LiftedModel:
     A = np.linalg.qr(generator.standard_normal((K, K)))[0] * 0.9
     B, C = generator.standard_normal((K, 6)), generator.standard_normal((6, K))
     system = LiftedLinearSystem(A, B, C, 0.02)
-    encoder = Encoder(np.eye(6, 12), layers, skip=False)
+    encoder = Encoder(np.eye(6, 12), layers)
     return LiftedModel(PAPER, system, encoder, SCALE, refit=40, ridge=1)
 
 

@@ -27,7 +27,7 @@ def model(configuration: str) -> LiftedModel:
     A, B, C = 0.5 * np.eye(4), generator.standard_normal((4, 6)), generator.standard_normal((6, 4))
     scale = generator.uniform(0.5, 2.0, 6)
     E, *layers = (generator.standard_normal(shape) for shape in ((4, 60), (7, 4), (4, 7)))
-    paper, dictionary = Encoder(E, tuple(layers), skip=False), Encoder(E, offset=np.ones(4))
+    paper, dictionary = Encoder(E, tuple(layers)), Encoder(E, offset=np.ones(4))
     encoder = paper if configuration == PAPER else dictionary
     system, summary = LiftedLinearSystem(A, B, C, 0.02), {"samples": 7}
     return LiftedModel(configuration, system, encoder, scale, summary, 5, 0.5)
@@ -87,7 +87,6 @@ FAULTS = {
     "lacks 'E'": lambda t, h, m: t.pop("E"),
     r"must be paper \| neural-lpv \| mode": lambda t, h, m: h.update(configuration="theirs"),
     "each layer must take the 4": lambda t, h, m: t.update(W0=np.zeros((4, 5))),
-    "as many outputs as E, 4": lambda t, h, m: t.update(W0=np.zeros((3, 4))),
     r"offset must be \(4,\)": lambda t, h, m: t.update(offset=np.zeros(3)),
     "positive ridge; got 5, 0": lambda t, h, m: h.update(ridge=0.0),
     "force_bandwidth must be positive": lambda t, h, m: h.update(

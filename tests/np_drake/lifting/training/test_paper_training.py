@@ -47,7 +47,7 @@ def lipschitz_bound(weights):
 def flies(dut: PhiModule, samples: np.ndarray) -> np.ndarray:
     """z (n, 8) of samples (n, 20), by what is exported."""
     window = np.pad(samples, ((0, 0), (0, 4))).reshape(-1, 2, 12)
-    return Encoder(np.eye(20, 24), dut.export(), skip=False)(window)
+    return Encoder(np.eye(20, 24), dut.export())(window)
 
 
 @given(st.integers(0, 1000), st.floats(0.1, 100.0), st.floats(0.0, 3.0))
