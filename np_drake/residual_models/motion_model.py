@@ -262,19 +262,12 @@ class MotionModel:
         write_model(self.reaction.tensors(), SCHEMA, header, path)
 
     @classmethod
-    def load(cls, path: str | Path, name: str | None = None) -> "MotionModel":
+    def load(cls, path: str | Path) -> "MotionModel":
         """Return the model in a file.
 
-        Args:
-            name: where given, the name that the file must hold.
         Raises: ValueError: as `read_model`.
         """
-        model = read_model(path, SCHEMA, cls._build)
-        require(
-            name is None or model.name == name,
-            f"{path}: the model must be {name}; got {model.name}.",
-        )
-        return model
+        return read_model(path, SCHEMA, cls._build)
 
     @classmethod
     def _build(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "MotionModel":

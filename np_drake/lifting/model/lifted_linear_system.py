@@ -50,8 +50,6 @@ def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
     Raises: numpy.linalg.LinAlgError: if an entry of A is not finite, or its eigenvalues do not
         converge.
     """
-    if not A.size:
-        return A
     require(
         np.isfinite(A).all(), "stabilized: every entry of A must be finite.", np.linalg.LinAlgError
     )
@@ -134,8 +132,6 @@ class LiftedLinearSystem:
             stride >= 1 and int(stride) == stride,
             f"LiftedLinearSystem: stride must be a positive whole number; got {stride}.",
         )
-        if stride == 1:
-            return self
         # [[A, B], [0, 1]]^m = [[A^m, sum_(i<m) A^i B], [0, 1]], as zeta is held
         augmented = np.eye(self.K + 6)
         augmented[: self.K] = np.hstack([self.A, self.B])

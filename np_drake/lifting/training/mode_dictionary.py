@@ -101,8 +101,7 @@ def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
     """
     p, H, _ = flights[0].cross.shape
     W = np.empty((p, H, 6))
-    ridge = np.full(p, noise**2)
-    ridge[-1] = CONSTANT
+    ridge = np.diag(np.append(np.full(p - 1, noise**2), CONSTANT))
     for h in range(H):
         for k, group in enumerate(GROUPS):
             weight = np.array([1.0 / flight.power[h, k] for flight in flights])
@@ -112,7 +111,7 @@ def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
                 w * flight.cross[:, h, group] for w, flight in zip(weight, flights, strict=True)
             )
             # Ridge: (sum_f w_f G_f + diag(noise²)) W_h = sum_f w_f X_f'Y_f
-            W[:, h, group] = np.linalg.solve(gram + np.diag(ridge), cross)
+            W[:, h, group] = np.linalg.solve(gram + ridge, cross)
     return W
 
 

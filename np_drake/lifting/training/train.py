@@ -67,10 +67,9 @@ def make_config(
         frame == needed,
         f"train: {configuration} needs wrenches in {needed} axes; these are in {frame} axes.",
     )
-    names = {field.name for field in dc.fields(CONFIGURATIONS.get(configuration, DEFAULT_CONFIG))}
     if configuration == PAPER and frame == "body":
         settings = IN_BODY_AXES | settings
-    if epochs is not None and "epochs" in names:
+    if epochs is not None and hasattr(CONFIGURATIONS.get(configuration), "epochs"):
         settings["epochs"] = epochs
     return configured(CONFIGURATIONS, configuration, settings)
 
