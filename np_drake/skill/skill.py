@@ -48,8 +48,7 @@ def skill_table(
 
     rmse: of the norm over all origins [N, N·m].
     skill: RMSE over that of the best naive row at that horizon [1].
-    ratio: over that of persistence [1]; interval: 95 % of the ratio within this flight (see
-        `ratio_interval`), NaN where the flight is too short for one.
+    ratio: over that of persistence [1].
     peak: longest forecast of the flight over its longest label [1]; a forecast that diverges has a
         large one.
 
@@ -77,17 +76,15 @@ def skill_table(
         predictions[name] = model_predictions(
             model, chi, zeta, origins, horizons, zeta_known=zeta_known, seen=seen.get(name)
         )
-    square = {name: _size(prediction - goal) ** 2 for name, prediction in predictions.items()}
-    rmse = {name: np.sqrt(error.mean(axis=0)) for name, error in square.items()}
+    rmse = {
+        name: np.sqrt((_size(prediction - goal) ** 2).mean(axis=0))
+        for name, prediction in predictions.items()
+    }
     longest = _size(chi).max(axis=0)
     peaks = {
         name: _ratio(_size(chi_hat).max(axis=0), longest) for name, chi_hat in predictions.items()
     }
     best = np.min([rmse[name] for name in NAIVE], axis=0)
-    interval = {
-        name: ratio_interval(error, square["persistence"], horizons)
-        for name, error in square.items()
-    }
     rows = []
     for name, error in rmse.items():
         skill, ratio = _ratio(error, best), _ratio(error, rmse["persistence"])
@@ -102,9 +99,7 @@ def skill_table(
                 )
                 for k, kind in enumerate(("force", "torque"))
             }
-            force, torque = (tuple(map(float, bounds)) for bounds in interval[name][i])
-            named = {"flight": flight, "model": name, "horizon": horizon}
-            rows.append({**named, **figures, "force_interval": force, "torque_interval": torque})
+            rows.append({"flight": flight, "model": name, "horizon": horizon, **figures})
     return rows
 
 
@@ -147,37 +142,6 @@ def naive_predictions(
         "mean": np.broadcast_to(mean, shape),
         "past mean": np.broadcast_to(so_far[:, None], shape),
     }
-
-
-BLOCKS = 20  # a flight is cut into at most so many [1]
-FEWEST = 5  # and into no fewer, else nothing is said [1]
-DRAWS = 400  # of the blocks [1]
-LEVEL = 0.95  # probability of an interval [1]
-
-
-def ratio_interval(square: np.ndarray, reference: np.ndarray, horizons: list[int]) -> np.ndarray:
-    """Return low and high of RMSE over the reference's RMSE, (H, 2, 2) [1], by paired block
-    bootstrap over one flight.
-
-    Args:
-        square: (o, H, 2) squared errors at successive origins.
-        reference: (o, H, 2) those of the reference.
-        horizons: lower limits of the block lengths, one a horizon [steps].
-    """
-    out = np.full((*square.shape[1:], 2), np.nan)
-    tails = 50 * (1 - LEVEL), 50 * (1 + LEVEL)
-    for i, horizon in enumerate(horizons):
-        count = min(BLOCKS, len(square) // max(horizon, 1))
-        if count < FEWEST:
-            continue
-        edges = np.linspace(0, len(square), count + 1).astype(int)[:-1]
-        # Block bootstrap: how often each block is drawn, with replacement; sums over blocks give
-        # the drawn RMSE
-        drawn = np.random.default_rng(0).multinomial(count, np.full(count, 1.0 / count), DRAWS)
-        over, under = (drawn @ np.add.reduceat(x[:, i], edges, axis=0) for x in (square, reference))
-        if np.all(under > 0):
-            out[i] = np.percentile(np.sqrt(over / under), tails, axis=0).T
-    return out
 
 
 WARM_UP = 40  # samples before the first origin, at least [1]
