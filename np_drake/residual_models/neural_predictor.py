@@ -225,8 +225,7 @@ class WindowRefit:
 
     def update(self, rows: np.ndarray, z: np.ndarray, zeta: np.ndarray) -> Memory:
         """Return the rows with one more sample, and A and B."""
-        newest = np.concatenate([z, zeta / self._scale])
-        rows = np.concatenate([rows[1:], newest[None]])
+        rows = np.vstack([rows[1:], np.concatenate([z, zeta / self._scale])])
         A, B = self.solve(rows)
         return {"rows": rows, "A": A, "B": B}
 

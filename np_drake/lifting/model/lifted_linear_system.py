@@ -179,8 +179,8 @@ class Encoder:
     @classmethod
     def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "Encoder":
         """Return the encoder in the tensors of a model file; ValueError where they hold none."""
-        layers = range(sum(name.startswith("W") for name in tensors))
-        weights = tuple(tensors[f"W{i}"] for i in layers)
+        layers = sum(name.startswith("W") for name in tensors)
+        weights = tuple(tensors[f"W{i}"] for i in range(layers))
         return cls(tensors["E"], weights, tensors.get("offset"))
 
     @property

@@ -75,8 +75,7 @@ def flight_moments(
     change = np.mean((Y - samples[origins, None, :6]) ** 2, axis=0)
     power = np.minimum(_grouped(change), _grouped(np.var(Y, axis=0)))
     power[horizons == 0] = NOW * power[horizons > 0].min(axis=0)
-    if symmetry > 0:
-        gram, cross = symmetrised(gram, cross, symmetry)
+    gram, cross = symmetrised(gram, cross, symmetry)
     return Moments(gram, cross, np.mean(Y**2, axis=0), np.maximum(power, 1e-12))
 
 
@@ -273,8 +272,11 @@ def train_mode_dictionary(
     loss = float(np.mean([relative_error(flight, fitted) for flight in flights]))
     on_epoch(len(segments) + 1, len(segments) + 1, loss)
     model = _assemble(config, modes, encoder, projector, scale, step, segments)
-    summary = {"samples": sum(map(len, segments)), "loss": {"all": loss}}
-    summary["excitation"] = excitation(segments)
+    summary = {
+        "samples": sum(map(len, segments)),
+        "loss": {"all": loss},
+        "excitation": excitation(segments),
+    }
     return dc.replace(model, summary=summary), [loss]
 
 

@@ -15,9 +15,8 @@ from np_drake.training_data.segments import Segment
 
 C = TypeVar("C")
 Config = ModeDictionaryConfig | NeuralLpvConfig | PaperConfig
-DEFAULT_CONFIG = PaperConfig()
 CONFIGURATIONS: dict[str, Config] = {
-    PAPER: DEFAULT_CONFIG,
+    PAPER: PaperConfig(),
     NEURAL_LPV: NeuralLpvConfig(),
     MODE_DICTIONARY: ModeDictionaryConfig(),
 }
@@ -34,7 +33,7 @@ class TrainingResult:
 
 
 def train(
-    segments: list[Segment], config: Config = DEFAULT_CONFIG, *, on_epoch: OnEpoch = lambda *_: None
+    segments: list[Segment], config: Config, *, on_epoch: OnEpoch = lambda *_: None
 ) -> TrainingResult:
     """Train the configuration that `config` belongs to; deterministic by `config.seed`.
 
