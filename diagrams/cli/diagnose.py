@@ -366,10 +366,9 @@ def doctor(
         report = examine(flights, nominal, sheets=sheets, on_progress=examining)
         advance(1.0)
     tell(*(f"not usable: {failure}" for failure in failures[1:]))
-    named = None if nominal is None else nominal.name
     return Report(
         _what_they_tell(report),
-        config={"logs": logs, "vehicle": named, "map": log_map},
+        config={"logs": logs, "vehicle": nominal and nominal.name, "map": log_map},
         metrics={**report.as_json(), "failures": [str(f) for f in failures]},
         lines=_usable(report),
         failure=failures[0] if failures else None,

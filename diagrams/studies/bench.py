@@ -183,19 +183,6 @@ def prediction_times(config: FlightConfig, signals: dict[str, np.ndarray]) -> np
     return np.array(times)
 
 
-class RecordingSolver:
-    """Solver that passes problems on to another one and keeps them."""
-
-    def __init__(self, solver: MpcSolver):
-        self.name, self._solver = solver.name, solver
-        self.problems: list[MpcProblem] = []
-
-    def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Keep the problem and return the wrapped solver's solution."""
-        self.problems.append(problem)
-        return self._solver.solve(problem, warm_start)
-
-
 def record_problems(
     count: int,
     *,
@@ -213,10 +200,16 @@ def record_problems(
     config.controller.mpc.horizon = horizon or config.controller.mpc.horizon
     simulator = make_simulator(make_flight_diagram(config), config, seed=seed)
     controller = simulator.get_system().GetSubsystemByName("np_mpc").controller
-    controller.solver = recorder = RecordingSolver(controller.solver)
+    problems, solve = list[MpcProblem](), controller.solver.solve
+
+    def recording(problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
+        problems.append(problem)
+        return solve(problem, warm_start)
+
+    controller.solver.solve = recording
     simulator.AdvanceTo(config.end - 0.5 * config.controller.period)
     signals = recorded(simulator.get_system(), simulator.get_context())
-    return config, recorder.problems[-count:], signals
+    return config, problems[-count:], signals
 
 
 def real_time_factor(*, seconds: float, seed: int) -> float:
