@@ -219,7 +219,7 @@ def window_fit(
     X: torch.Tensor, Y: torch.Tensor, prior: torch.Tensor, ridge: float
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Return A' (b, K, K), stable, and B' (b, 6, K) of each window: the posterior mean, as
-    `WindowRefit` has it.
+    `window_refit` has it.
 
     Args:
         X: (b, T, K + 6) regressors.
