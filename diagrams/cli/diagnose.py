@@ -445,9 +445,9 @@ def _findings(report: LogReport) -> list[Table]:
     )
     floor = report.noise_floor
     residual: list[tuple] = [
-        (f"force {axis}, RMS", percent(x)) for axis, x in report.residual_force.items()
+        *((f"force {axis}, RMS", percent(x)) for axis, x in report.residual_force.items()),
+        *((f"{name}, when every effect helps", value) for name, value in floor.items()),
     ]
-    residual += [(f"{name}, when every effect helps", value) for name, value in floor.items()]
     return [
         flights,
         noise,

@@ -214,8 +214,7 @@ def _prior_of(vehicle: Path | None, measures: dict[str, Any], props: str | None)
 
 def _turning(vehicle: Vehicle, props: str) -> Vehicle:
     """Return the vehicle with propellers that turn in or out at the front."""
-    directions = directions_of(vehicle.rotor_positions, props)
-    return dc.replace(vehicle, rotor_directions=directions)
+    return dc.replace(vehicle, rotor_directions=directions_of(vehicle.rotor_positions, props))
 
 
 def _read_logs(paths: list[Path], log_map: Path | None, advance: Any) -> list[Opened]:

@@ -225,12 +225,10 @@ class Taps:
             "Taps: must have 1 <= dense <= delay and 0 <= averages <= delay - dense; "
             f"got {dense}, {averages}, {delay}.",
         )
-        rows = list(np.eye(delay)[::-1][:dense])
+        rows, ages = list(np.eye(delay)[::-1][:dense]), np.arange(delay)[::-1]
         edges = _edges(dense, delay, averages) if averages else np.zeros(0, int)
         for near, far in itertools.pairwise(edges):
-            row = np.zeros(delay)
-            row[delay - far : delay - near] = 1.0 / (far - near)
-            rows.append(row)
+            rows.append(((near <= ages) & (ages < far)) / (far - near))
         return cls(np.array(rows))
 
     @classmethod
