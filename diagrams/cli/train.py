@@ -359,8 +359,11 @@ def evaluate(
     and known.
     """
     steps = parse_horizons(horizons)
-    is_filter = schema_of(predictor) == SCHEMA
-    model: Model = PayloadFilterModel.load(predictor) if is_filter else load_model(predictor)
+    model: Model = (
+        PayloadFilterModel.load(predictor)
+        if schema_of(predictor) == SCHEMA
+        else load_model(predictor)
+    )
     tests, rows = open_flights(logs, vehicle), list[dict]()
     for zeta in MOTIONS:
         with run.counting(f"scoring, coming motion {zeta}") as on_flight:

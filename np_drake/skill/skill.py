@@ -173,7 +173,6 @@ def score_flights(
     predictor: Predictor = (
         PayloadFilter(model) if isinstance(model, PayloadFilterModel) else NeuralPredictor.of(model)
     )
-    first = model.window if isinstance(model, LiftedModel) else 1
     for number, flight in enumerate(flights, 1):
         segment, seen = _longest_flown(flight, predictor)
         table = skill_table(
@@ -184,7 +183,7 @@ def score_flights(
             mean=segment.chi.mean(axis=0),
             target=segment.goal,
             zeta_known=zeta == "known",
-            warm_up=max(WARM_UP, first),
+            warm_up=max(WARM_UP, model.window if isinstance(model, LiftedModel) else 1),
             flight=TESTS.get(f"merged_{flight.data.name}", flight.data.name),  # the paper's name
             seen={name: seen},
         )

@@ -330,12 +330,15 @@ class Trust:
         power = memory["trust/power"] + _products(p, q, p)[[0, 2]]
         lifted = memory["trust/lifted"] + 1.0
         a, b = self._weights(memory["trust/sums"], power / lifted[0])
-        row = np.concatenate([z, chi, mean])
-        ring = np.concatenate([memory["trust/ring"][1:], row[None]])
+        ring = np.vstack([memory["trust/ring"][1:], np.concatenate([z, chi, mean])])
         wanted = base + a[:, OF_CHANNEL] * p + b[:, OF_CHANNEL] * q
         corrected = z + np.einsum("khc,hc->k", self.projector, wanted - forecast)
-        kept = {"trust/power": power, "trust/lifted": lifted, "trust/ring": ring}
-        return {**found, **kept, "z": corrected}
+        return found | {
+            "trust/power": power,
+            "trust/lifted": lifted,
+            "trust/ring": ring,
+            "z": corrected,
+        }
 
     def _verified(self, memory: Memory, chi: np.ndarray) -> Memory:
         """Return totals after one more label (6,), with the forecasts that it verifies added to

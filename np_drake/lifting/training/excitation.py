@@ -40,8 +40,7 @@ def excitation(segments: list[Segment]) -> str:
     zeta = [segment.zeta for segment in segments]
     sigma = np.hypot(
         white_noise(zeta) / np.sqrt(AVERAGE), RELEVANT * group_scale(zeta, centred=True)
-    )
-    sigma = np.maximum(sigma, 1e-9)
+    ).clip(1e-9)
     smooth = np.concatenate(
         [scipy.ndimage.uniform_filter1d(piece, AVERAGE, axis=0) for piece in zeta]
     )

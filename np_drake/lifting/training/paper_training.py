@@ -69,8 +69,8 @@ class PhiModule(nn.Module):
         super().__init__()
         generator = torch.Generator().manual_seed(seed)
         sizes = [start.shape[1], *[width] * layers, K]
-        raw = _initial_weights(torch.from_numpy(start), sizes, generator)
-        self.raw = nn.ParameterList(map(nn.Parameter, raw))
+        weights = _initial_weights(torch.from_numpy(start), sizes, generator)
+        self.raw = nn.ParameterList(map(nn.Parameter, weights))
         self._layer_gain = gamma ** (1.0 / len(self.raw))
 
     def weights(self) -> list[torch.Tensor]:
@@ -118,7 +118,6 @@ def descend(
         count: of windows.
         config: with epochs, batch, learning_rate and seed.
     """
-    parameters = [value for group in optimiser.param_groups for value in group["params"]]
     rate = torch.optim.lr_scheduler.CosineAnnealingLR(
         optimiser, max(config.epochs, 1), config.learning_rate / 10
     )
@@ -131,7 +130,7 @@ def descend(
             optimiser.zero_grad()
             error = loss(rows)
             error.backward()
-            torch.nn.utils.clip_grad_norm_(parameters, 1.0)
+            torch.nn.utils.clip_grad_norm_(optimiser.param_groups[0]["params"], 1.0)
             optimiser.step()
             losses.append(error.item())
         rate.step()
@@ -314,12 +313,11 @@ class PaperTrainer:
         A, B = np.split(self.forward_prior.numpy().T, [self.config.size], axis=1)
         with torch.no_grad():
             C = self._best_readout().numpy() * self.scale[:6, None]
-        lags = self.config.lags
-        picked = Taps.at_lags(lags).expand(np.diag(1.0 / np.tile(self.scale, len(lags))), 12)
+        unscaled = np.diag(1.0 / np.tile(self.scale, len(self.config.lags)))
         return LiftedModel(
             PAPER,
             LiftedLinearSystem(A, B / self.scale[6:], C, step),
-            Encoder(picked, self.phi.export()),
+            Encoder(Taps.at_lags(self.config.lags).expand(unscaled, 12), self.phi.export()),
             self.scale[6:],
             refit=self.config.window,
             ridge=RIDGE,
@@ -406,8 +404,7 @@ def _windows(segments: list[Segment], config: PaperConfig) -> np.ndarray:
     starts = starts[:: max(1, -(-len(starts) // config.max_windows))]
     windows = np.stack([samples[k : k + length] for samples, k in starts])
     if config.symmetric:
-        image = IMAGES[np.random.default_rng(config.seed).integers(8, size=len(starts))]
-        windows = windows @ image
+        windows = windows @ IMAGES[np.random.default_rng(config.seed).integers(8, size=len(starts))]
     return windows
 
 
@@ -420,6 +417,5 @@ def _start(lagged: list[np.ndarray], count: int) -> np.ndarray:
     """
     past, now = np.concatenate([one[:, 0] for one in lagged], axis=-1), lagged[0]
     drive, future = now[:, :-1, 6:], now[:, 1:, :6]
-    n = len(now)
-    found = foreseeing(past, drive.reshape(n, -1), future.reshape(n, -1), count)
+    found = foreseeing(past, drive.reshape(len(now), -1), future.reshape(len(now), -1), count)
     return np.linalg.qr(found.T)[0].T
