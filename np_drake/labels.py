@@ -56,13 +56,6 @@ class LabelConfig:
         require(self.order in (1, 2, 3, 4), f"LabelConfig: order must be 1 … 4; got {self.order}.")
         return self
 
-    @property
-    def force_delay(self) -> float:
-        """Delay of slow forces through the low-pass, the group delay of a Butterworth filter at
-        frequency zero [s].
-        """
-        return 1.0 / (2 * np.pi * self.force_bandwidth * np.sin(0.5 * np.pi / self.order))
-
     def filters(self, step: float) -> list[tuple[slice, np.ndarray]]:
         """Return (channels, second-order sections) of force and torque at a sampling interval
         [s].

@@ -365,14 +365,9 @@ def make_folder(path: Path) -> Path:
 
 def results(records: Sequence[Record]) -> list[dict]:
     """Return the results of the cases that have one, in their order; FailedRun if none has."""
-    require_result(records)
-    return [record["result"] for record in records if "result" in record]
-
-
-def require_result(records: Sequence[Record]) -> None:
-    """Check that one case has a result; FailedRun if none has."""
     if records and all("error" in record for record in records):
         raise FailedRun(f"no case has a result; the first: {records[0]['error']}")
+    return [record["result"] for record in records if "result" in record]
 
 
 def every_result(records: Sequence[Record]) -> list[dict]:

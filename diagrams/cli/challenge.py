@@ -54,8 +54,12 @@ def _make(
             out, truth, seed=run.seed, workers=run.workers, on_progress=on_progress, **config
         )
     kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
-    said = f"cases: {out} ({kinds}); truth: {truth}; redrawn: {result['redrawn']}"
-    return Report([], config=config, metrics=result, lines=[said])
+    return Report(
+        [],
+        config=config,
+        metrics=result,
+        lines=[f"cases: {out} ({kinds}); truth: {truth}; redrawn: {result['redrawn']}"],
+    )
 
 
 @challenge.command("solve")

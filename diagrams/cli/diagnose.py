@@ -366,10 +366,9 @@ def doctor(
         report = examine(flights, nominal, sheets=sheets, on_progress=examining)
         advance(1.0)
     tell(*(f"not usable: {failure}" for failure in failures[1:]))
-    named = None if nominal is None else nominal.name
     return Report(
         _what_they_tell(report),
-        config={"logs": logs, "vehicle": named, "map": log_map},
+        config={"logs": logs, "vehicle": nominal and nominal.name, "map": log_map},
         metrics={**report.as_json(), "failures": [str(f) for f in failures]},
         lines=_usable(report),
         failure=failures[0] if failures else None,
@@ -446,9 +445,9 @@ def _findings(report: LogReport) -> list[Table]:
     )
     floor = report.noise_floor
     residual: list[tuple] = [
-        (f"force {axis}, RMS", percent(x)) for axis, x in report.residual_force.items()
+        *((f"force {axis}, RMS", percent(x)) for axis, x in report.residual_force.items()),
+        *((f"{name}, when every effect helps", value) for name, value in floor.items()),
     ]
-    residual += [(f"{name}, when every effect helps", value) for name, value in floor.items()]
     return [
         flights,
         noise,

@@ -157,7 +157,11 @@ def identify(
         "held_out": [log.name for log in judging],
         "map": log_map,
     }
-    own, failure = _vehicle(found, name)
+    own, failure = None, None
+    try:
+        own = identified_vehicle(found, name)
+    except ValueError as error:  # its values are none's
+        failure = FailedRun(f"no {FILE}: {' '.join(str(error).split())}")
     metrics = as_json(found, rows)
 
     def write(folder: Path) -> None:
@@ -168,34 +172,25 @@ def identify(
         write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
         say(f"page: {write_page(found, rows, folder, thirds=bool(parts), warnings=warnings)}")
 
-    lines = [*summary(found), *filter(None, [change(rows)])]
-    shown = [table for table in _tables(found, rows) if table[-1]]
     return Report(
-        shown,
+        [table for table in _tables(found, rows) if table[-1]],
         config=config,
         metrics=metrics,
-        lines=lines,
+        lines=[*summary(found), *filter(None, [change(rows)])],
         warnings=warnings,
         write=write,
         failure=failure,
     )
 
 
-def _vehicle(found: Identification, name: str) -> tuple[Vehicle | None, FailedRun | None]:
-    """Return the identified vehicle, or None with the reason where its values are none's."""
-    try:
-        return identified_vehicle(found, name), None
-    except ValueError as error:
-        return None, FailedRun(f"no {FILE}: {' '.join(str(error).split())}")
-
-
 def _check_mass(mass: float | None, trust: str, vehicle: Path | None) -> None:
     """Check that mass, what is trusted and the vehicle go together."""
     require(trust in ("mass", "thrust"), f"--trust must be mass or thrust; got {trust!r}.")
-    if mass is not None:
-        within = LIGHTEST <= mass <= HEAVIEST
-        require(within, f"--mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {mass:g}.")
-        require(trust == "mass", "--trust thrust: tells the mass; leave --mass out.")
+    require(
+        mass is None or LIGHTEST <= mass <= HEAVIEST,
+        f"--mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {mass}.",
+    )
+    require(mass is None or trust == "mass", "--trust thrust: tells the mass; leave --mass out.")
     require(vehicle or trust == "mass", "--trust thrust: give --vehicle, whose thrust is known.")
 
 
@@ -219,8 +214,7 @@ def _prior_of(vehicle: Path | None, measures: dict[str, Any], props: str | None)
 
 def _turning(vehicle: Vehicle, props: str) -> Vehicle:
     """Return the vehicle with propellers that turn in or out at the front."""
-    directions = directions_of(vehicle.rotor_positions, props)
-    return dc.replace(vehicle, rotor_directions=directions)
+    return dc.replace(vehicle, rotor_directions=directions_of(vehicle.rotor_positions, props))
 
 
 def _read_logs(paths: list[Path], log_map: Path | None, advance: Any) -> list[Opened]:
@@ -281,11 +275,8 @@ def _split(
             f"--held-out: must last {SHORTEST:g} s at least; got {lasts(held_out[0]):.2g} s."
         )
     long = [kept for found in logs if (kept := [log for log in found if lasts(log) >= SHORTEST])]
-    if not long:
-        most = max(map(lasts, flights))
-        raise ValueError(
-            f"needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s."
-        )
+    most = max(map(lasts, flights), default=0.0)
+    require(long, f"needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s.")
     fitted, single = [log for kept in long for log in kept], False
     if not judges and len(fitted) > 1:
         last = len(long[-1]) if len(long) > 1 else 1

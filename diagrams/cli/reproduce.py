@@ -104,14 +104,9 @@ def reproduce(
         )
         say(f"np-drake {VERB} STUDY --help shows the options of a study.")
         return None
-    command = find(study).command(study)
+    require(study in STUDIES, f"STUDY must be one of {', '.join(STUDIES)}; got {study!r}.")
+    command = STUDIES[study].command(study)
     return command.main(context.args, prog_name=f"np-drake {VERB} {study}", standalone_mode=False)
-
-
-def find(name: str) -> Study:
-    """Return the study of this name; ValueError where there is none."""
-    require(name in STUDIES, f"STUDY must be one of {', '.join(STUDIES)}; got {name!r}.")
-    return STUDIES[name]
 
 
 TIMES = (

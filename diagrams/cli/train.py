@@ -28,7 +28,7 @@ from diagrams.cli.verb import (
 )
 from diagrams.loop.controller_config import FILTER_MODEL
 from diagrams.loop.experiments import training_flight
-from np_drake.files.figure_file import new_figure, save
+from np_drake.files.figure_file import Panel, panel_figure, save
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_model import (
@@ -147,13 +147,10 @@ def train(
         learnt = _learn_lifted(name, flights, out, step=step, seed=run.seed, epochs=epochs)
     wall, summary = time.perf_counter() - start, learnt.summary
     if learnt.loss:
-        figure, grid = new_figure(1, 1, width=6.0, height=3.5)
-        axes = grid[0, 0]
         what = ("trial [1]", "error [m]") if envelope else ("epoch [1]", "loss [1]")
-        axes.set(xlabel=what[0], ylabel=what[1], yscale="log")
-        axes.plot(range(1, len(learnt.loss) + 1), learnt.loss)
-        axes.grid(True, alpha=0.3)
-        save(figure, curve)
+        axes = {"xlabel": what[0], "ylabel": what[1], "yscale": "log"}
+        panel = Panel({name: (range(1, len(learnt.loss) + 1), learnt.loss)}, axes)
+        save(panel_figure([[panel]], f"training {name}", width=6.0, height=3.5), curve)
     return Report(
         [(f"{summary['samples']} samples, {wall:.1f} s", learnt.columns, learnt.rows)],
         config={"configuration": name, "step": step, "seed": run.seed, **learnt.settings},
@@ -250,8 +247,9 @@ def _learn_reaction(
     """Train a wrench as a function of the motion."""
     from np_drake.residual_models.predictor_training import train_motion_model
 
-    settings: dict[str, Any] = {"seed": seed}
-    settings |= {"epochs": epochs} if epochs and name == KNODE else {}
+    settings: dict[str, Any] = {"seed": seed} | (
+        {"epochs": epochs} if name == KNODE and epochs else {}
+    )
     learn = partial(train_motion_model, name, flights, step=step, **settings)
     model, loss = behind_bar(f"training {name}", learn)
     model.save(out)
@@ -361,8 +359,11 @@ def evaluate(
     and known.
     """
     steps = parse_horizons(horizons)
-    is_filter = schema_of(predictor) == SCHEMA
-    model: Model = PayloadFilterModel.load(predictor) if is_filter else load_model(predictor)
+    model: Model = (
+        PayloadFilterModel.load(predictor)
+        if schema_of(predictor) == SCHEMA
+        else load_model(predictor)
+    )
     tests, rows = open_flights(logs, vehicle), list[dict]()
     for zeta in MOTIONS:
         with run.counting(f"scoring, coming motion {zeta}") as on_flight:

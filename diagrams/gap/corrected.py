@@ -108,18 +108,19 @@ def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> N
     Python writes them, so that reading gives the same ones.
     Raises: OSError: if the file cannot be written.
     """
-    said = textwrap.wrap(
-        f"{headline(diagnosis)}.", 110, break_long_words=False, break_on_hyphens=False
-    )
-    said += [
-        f"{cause.identifier} keeps its first mass here; its changes are in diagnosis.json."
-        for cause in diagnosis.causes
-        if cause.loads
-    ]
-    said += [
-        f"Left out: {cause.identifier}, which acts only beside a neighbour."
-        for cause in diagnosis.causes
-        if cause.effect is not None and cause.effect.lacking()
+    answer = f"{headline(diagnosis)}."
+    said = [
+        *textwrap.wrap(answer, 110, break_long_words=False, break_on_hyphens=False),
+        *(
+            f"{cause.identifier} keeps its first mass here; its changes are in diagnosis.json."
+            for cause in diagnosis.causes
+            if cause.loads
+        ),
+        *(
+            f"Left out: {cause.identifier}, which acts only beside a neighbour."
+            for cause in diagnosis.causes
+            if cause.effect is not None and cause.effect.lacking()
+        ),
     ]
     reality = {
         "payload": {"tether": "none"},

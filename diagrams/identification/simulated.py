@@ -12,10 +12,11 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
-from diagrams.batch.run import Case, FailedRun, Report, Run, failures, require_result
+from diagrams.batch.run import Case, FailedRun, Report, Run, failures, results
 from diagrams.challenge.flight import fly
 from diagrams.challenge.plans import draw_plans
 from diagrams.challenge.sensors import REAL, draw_sensor_quality, kept_rows, with_sensor_noise
+from diagrams.studies.options import Column, fixed, percent, tabulate
 from np_drake import attitude
 from np_drake.effects import BladeFlapping, LinearDrag, TranslationalLift
 from np_drake.effects.calibration import effects_of
@@ -374,6 +375,34 @@ def _covered(results: Sequence[Line], air: bool) -> tuple[float | None, float | 
     return share, 1.96 * float(np.sqrt(variance) / every) if n > 1 else None, every
 
 
+def _share(line: Line, key: str) -> str:
+    half = line[f"{key}_ci95"]
+    spread = "" if half is None else f" ± {100 * half:.1f}"
+    told = NOTHING if line[key] is None else f"{100 * line[key]:.1f}{spread} %"
+    return f"{told} of {line[f'{key}_told']}"
+
+
+def _error(line: Line, key: str) -> str:
+    return NOTHING if line[key] is None else f"{line[key]:.2g}"
+
+
+POOLED: tuple[Column, ...] = (
+    ("input", "input"),
+    ("vehicles", "vehicles"),
+    ("vehicle file", partial(_share, key="vehicle")),
+    ("drag and lift", partial(_share, key="air")),
+    ("draws not flyable", "refused"),
+    ("processor time [s]", fixed("processor_time", 1)),
+)
+QUANTITY: tuple[Column, ...] = (
+    ("quantity", "name"),
+    ("told", lambda line: f"{line['told']} of {line['count']}"),
+    ("inside", percent("within", 1)),
+    *((heading, partial(_error, key=key)) for key, heading in ERRORS.items()),
+    ("unit", "unit"),
+)
+
+
 def run(
     run: Run,
     vehicles: Annotated[
@@ -396,53 +425,23 @@ def run(
     records = run.cases(
         "identifying", "vehicles", partial(identified, **flown), cases, config=flown
     )
-    require_result(records)
-    results = [{**r["case"], **r["result"]} for r in records if "result" in r]
-    pooled, each = pooled_lines(results), quantity_lines(results)
+    results(records)
+    judged = [{**r["case"], **r["result"]} for r in records if "result" in r]
+    pooled, each = pooled_lines(judged), quantity_lines(judged)
     title = (
-        f"truth inside its 95 % interval; {len(results)} vehicles, {flights} x "
+        f"truth inside its 95 % interval; {len(judged)} vehicles, {flights} x "
         f"{seconds:g} s, seeds {run.seed} … {run.seed + vehicles - 1}"
     )
-    header = ["input", "vehicles", "vehicle file", "drag and lift"]
-    shares = [
-        (
-            line["input"],
-            line["vehicles"],
-            _share(line, "vehicle"),
-            _share(line, "air"),
-            line["refused"],
-            f"{line['processor_time']:.1f}",
-        )
-        for line in pooled
-    ]
-    rows = [
-        (
-            line["name"],
-            f"{line['told']} of {line['count']}",
-            _number(line["within"], "{:.1%}"),
-            *(_number(line[key]) for key in ERRORS),
-            line["unit"],
-        )
-        for line in each
-    ]
-    told = "a quantity: where it is told, truth inside its interval, and median error"
     return Report(
         [
-            (title, [*header, "draws not flyable", "processor time [s]"], shares),
-            (told, ["quantity", "told", "inside", *ERRORS.values(), "unit"], rows),
+            tabulate(title, pooled, POOLED),
+            tabulate(
+                "a quantity: where it is told, truth inside its interval, and median error",
+                each,
+                QUANTITY,
+            ),
         ],
         config={"vehicles": vehicles, **flown},
         metrics={"pooled": pooled, "table": each, "runs": records},
         notes=failures(records),
     )
-
-
-def _share(line: Line, key: str) -> str:
-    half = line[f"{key}_ci95"]
-    spread = "" if half is None else f" ± {100 * half:.1f}"
-    told = NOTHING if line[key] is None else f"{100 * line[key]:.1f}{spread} %"
-    return f"{told} of {line[f'{key}_told']}"
-
-
-def _number(value: float | None, form: str = "{:.2g}") -> str:
-    return NOTHING if value is None else form.format(value).replace("%", " %")

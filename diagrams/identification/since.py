@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from typer import Option
 
-from diagrams.batch.run import Case, FailedRun, Report, Run, failures, require_result
+from diagrams.batch.run import Case, FailedRun, Report, Run, failures, results
 from diagrams.identification.simulated import ATTEMPTS, Truth, draw_truth, fly_truth
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis
@@ -48,17 +48,17 @@ CHANGES = (
 
 def changed(truth: Truth, kind: str, rng: np.random.Generator) -> tuple[Truth, Change]:
     """Return the vehicle after a change of a kind of `CHANGES`, and the change."""
-    v, change, parts = truth.vehicle, Change(), kind.split(", ")
+    v, parts = truth.vehicle, kind.split(", ")
     thrust, torque, mass = (
-        1.0 + float(rng.choice([-1.0, 1.0]) * rng.uniform(*sizes)) if part in parts else 1.0
-        for part, sizes in SIZES.items()
+        1.0 + float(rng.choice([-1.0, 1.0]) * rng.uniform(*of)) if part in parts else 1.0
+        for part, of in SIZES.items()
     )
-    if "thrust" in parts:
-        change[ThrustScale.identifier] = {"scale": thrust}
-    if "torque over thrust" in parts:
-        change[TorqueRatio.identifier] = {"ratio": torque}
-    if "mass" in parts:
-        change[MassError.identifier] = {"delta_mass": (mass - 1.0) * v.mass}
+    sizes: dict[str, tuple[str, dict[str, float]]] = {
+        "thrust": (ThrustScale.identifier, {"scale": thrust}),
+        "torque over thrust": (TorqueRatio.identifier, {"ratio": torque}),
+        "mass": (MassError.identifier, {"delta_mass": (mass - 1.0) * v.mass}),
+    }
+    change: Change = dict(sizes[part] for part in parts if part in sizes)
     gains = list(v.calibration.rotor_gains)
     if kind == "one rotor":
         number, efficiency = int(rng.integers(4)), float(rng.uniform(0.75, 0.92))
@@ -196,15 +196,15 @@ def run(
     ]
     work = partial(diagnosed, seconds=seconds)
     records = run.cases("diagnosing", "vehicles", work, cases, config={"seconds": seconds})
-    require_result(records)
-    results = [{**r["case"], **r["result"]} for r in records if "result" in r]
+    results(records)
+    judged = [{**r["case"], **r["result"]} for r in records if "result" in r]
     title = (
         f"changes since flights before; {BEFORE} + {TRAIN} + 1 flights of {seconds:g} s, seeds "
         f"{run.seed} … {run.seed + pairs - 1}"
     )
     columns = [f"{file}: {what}" for file in FILES for what in ("named", "size right too")]
     return Report(
-        [(title, ["changed", "vehicles", *columns], table_rows(results))],
+        [(title, ["changed", "vehicles", *columns], table_rows(judged))],
         config={"pairs": pairs, "seconds": seconds},
         metrics={"runs": records},
         notes=failures(records),

@@ -332,7 +332,7 @@ def _payload_filter(config: ControllerConfig, vehicle: Vehicle) -> PayloadFilter
 
 
 def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> motion_model.MotionModel:
-    model = motion_model.MotionModel.load(config.predictor, config.kind)
+    model = motion_model.MotionModel.load(config.predictor)
     _require_fit(model, model.step, config, vehicle)
     return model
 

@@ -160,9 +160,15 @@ def beyond(
     run: Run, draws: Draws = 200, solver: Solver = DEFAULT_SOLVER, only: Only = None
 ) -> Report:
     """Drawn flights with what no pendulum explains: rope, two payloads, drag, spring, gusts."""
-    flights = FlownRun(**vars(run), count=draws, solver=solver)
-    said = f"medians of E_xy, E_z; against {PEER} and hold, draw by draw"
-    return _report(flights, "beyond", BEYOND_SETTINGS, only, compared, COLUMNS, said)
+    return _report(
+        FlownRun(**vars(run), count=draws, solver=solver),
+        "beyond",
+        BEYOND_SETTINGS,
+        only,
+        compared,
+        COLUMNS,
+        f"medians of E_xy, E_z; against {PEER} and hold, draw by draw",
+    )
 
 
 def responses(found: pd.DataFrame) -> list[dict[str, Any]]:
@@ -200,6 +206,12 @@ def changes(
     run: Run, draws: Draws = 200, solver: Solver = DEFAULT_SOLVER, only: Only = None
 ) -> Report:
     """Drawn flights in which a payload is hung on or cut off: how soon, and how far off."""
-    flights = FlownRun(**vars(run), count=draws, solver=solver)
-    said = "median over the flights, and the slowest"
-    return _report(flights, "changes", CHANGES, only, responses, RESPONSE_COLUMNS, said)
+    return _report(
+        FlownRun(**vars(run), count=draws, solver=solver),
+        "changes",
+        CHANGES,
+        only,
+        responses,
+        RESPONSE_COLUMNS,
+        "median over the flights, and the slowest",
+    )

@@ -79,22 +79,21 @@ def part(segment: Segment, start: int, stop: int) -> Segment:
     return Segment(segment.chi[start:stop], segment.zeta[start:stop], segment.step)
 
 
-def trained(run: Run, training: Segment) -> tuple[dict[str, Predictor], dict[str, dict]]:
-    """Train our rows on ten seconds of one segment; return models and settings by configuration."""
-    segments, settings = [part(training, 0, LEARNED)], configs(run.seed)
-    with run.bar("training", 1.0):
-        models = {name: train(segments, config).model for name, config in settings.items()}
-    return models, {name: dc.asdict(config) for name, config in settings.items()}
-
-
-def forecasts(model: Predictor, flight: Segment, origins: np.ndarray, ahead: int) -> np.ndarray:
-    """Return forecasts of the label so many steps ahead, (o, 1, 6), force and torque predicted and
-    zeta held; ValueError if the flight is too short.
+def forecast_errors(model: Predictor, flight: Segment, origins: np.ndarray) -> dict[str, float]:
+    """Return the errors by column of forecasts of the label one step ahead, force and torque
+    predicted and zeta held; ValueError if the flight is too short.
     """
     least = model.window + 2
     require(len(flight) >= least, f"at least {least} samples are needed; got {len(flight)}.")
     predictor = NeuralPredictor.of(model)
-    return model_predictions(predictor, flight.chi, flight.zeta, origins, [ahead], zeta_known=False)
+    chi_hat = model_predictions(predictor, flight.chi, flight.zeta, origins, [1], zeta_known=False)
+    return column_rmse(chi_hat[:, 0] - flight.chi[origins + 1])
+
+
+def naive_errors(flight: Segment, origins: np.ndarray) -> dict[str, dict[str, float]]:
+    """Return the same of the rows without training, by their name."""
+    naive = naive_predictions(flight.chi, origins, [1], np.zeros(6))
+    return {name: column_rmse(naive[name][:, 0] - flight.chi[origins + 1]) for name in NAIVE}
 
 
 def flight_errors(
@@ -104,8 +103,7 @@ def flight_errors(
     step ahead, from every origin of the flight from the first on.
     """
     flight, model = flown[case["flight"]], models[case["model"]]
-    origins = np.arange(first, len(flight.chi) - 1)
-    return column_rmse(forecasts(model, flight, origins, 1)[:, 0] - flight.chi[origins + 1])
+    return forecast_errors(model, flight, np.arange(first, len(flight) - 1))
 
 
 Cells = dict[str, dict[str, dict[str, float]]]  # flight -> row -> column -> RMSE [N, N·m]
@@ -127,11 +125,8 @@ def estimation_table(
     results = every_result(run.cases("every origin", "", work, cases, config=config))
     cells: Cells = {}
     for flight, segment in flown.items():
-        origins = np.arange(first, len(segment.chi) - 1)
-        naive = naive_predictions(segment.chi, origins, [1], np.zeros(6))
-        rows = dict(PUBLISHED.get(flight, {}))
-        for name in NAIVE:
-            rows[name] = column_rmse(naive[name][:, 0] - segment.chi[origins + 1])
+        naive = naive_errors(segment, np.arange(first, len(segment) - 1))
+        rows = PUBLISHED.get(flight, {}) | naive
         for case, result in zip(cases, results, strict=True):
             if case["flight"] == flight:
                 rows[OURS[case["model"]]] = result
@@ -148,7 +143,10 @@ def ratios(cells: Cells, row: str) -> np.ndarray:
 def run(run: Run, neurobem: Neurobem = None) -> Report:
     """The paper's table, one step ahead. On all real flights in DIR."""
     training, tests = flights(required("estimation", neurobem, NEUROBEM_FLIGHTS))
-    models, settings = trained(run, training)
+    segments, ours = [part(training, 0, LEARNED)], configs(run.seed)
+    with run.bar("training", 1.0):
+        models = {name: train(segments, config).model for name, config in ours.items()}
+    settings = {name: dc.asdict(config) for name, config in ours.items()}
     cells = estimation_table(run, models, tests, settings)
     below = {row: int((ratios(cells, row) <= 1.0).sum()) for row in OWN}
     shown: list[tuple] = []
@@ -209,15 +207,13 @@ def piece_errors(
     piece, one step ahead.
     """
     segment = pieces(training, case["samples"])[case["piece"]]
-    origins = np.arange(FIRST, len(test.chi) + LAST)
-    chi_hat = forecasts(train([segment], configs[case["row"]]).model, test, origins, 1)
-    return _lengths(chi_hat[:, 0] - test.chi[origins + 1])
+    model = train([segment], configs[case["row"]]).model
+    return _lengths(forecast_errors(model, test, np.arange(FIRST, len(test) + LAST)))
 
 
-def _lengths(error: np.ndarray) -> dict[str, float]:
-    """Return the RMSE of force and torque, of errors (n, 6)."""
-    found = column_rmse(error)
-    return {"force": found["F"], "torque": found["tau"]}
+def _lengths(errors: dict[str, float]) -> dict[str, float]:
+    """Return the RMSE of force and torque, of errors by column."""
+    return {"force": errors["F"], "torque": errors["tau"]}
 
 
 def sample_efficiency(
@@ -248,16 +244,12 @@ def sample_efficiency(
     settings = {name: dc.asdict(config) for name, config in configs.items()}
     work = partial(piece_errors, training=training, test=test, configs=configs)
     records = run.cases("models", "", work, cases, config=settings)
-    chi = test.chi
-    origins = np.arange(FIRST, len(chi) + LAST)
-    naive = naive_predictions(chi, origins, [1], np.zeros(6))
     tested = [
         {"row": OURS[case["row"]], "samples": case["samples"], **result}
         for case, result in zip(cases, every_result(records), strict=True)
     ]
-    tested += [
-        {"row": row, "samples": 0, **_lengths(naive[row][:, 0] - chi[origins + 1])} for row in NAIVE
-    ]
+    naive = naive_errors(test, np.arange(FIRST, len(test) + LAST))
+    tested += [{"row": row, "samples": 0, **_lengths(of)} for row, of in naive.items()]
     points = []
     for (row, samples), of in pd.DataFrame(tested).groupby(["row", "samples"], sort=False):
         spread = {kind: of[kind].agg(["mean", "min", "max"]).tolist() for kind in KINDS}

@@ -27,7 +27,7 @@ from np_drake.metrics import tracking_errors
 from np_drake.payload_filter.bank_options import CONDITIONAL, BankOptions, Prior
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.training import train_payload_filter
-from np_drake.residual_models.motion_model import REACTIONS
+from np_drake.residual_models.motion_model import REACTIONS, MotionModel
 from np_drake.residual_models.predictor_training import (
     fitted_lpv,
     train_motion_model,
@@ -60,22 +60,21 @@ def train_model(
     """
     controller, vehicle, log = flight.config.controller, flight.config.vehicle, scored_log(flight)
     step, label, flights = controller.period, controller.label, [Flight(log, vehicle)]
+    model: Any
     if configuration in REACTIONS:
-        reaction, _ = train_motion_model(configuration, flights, step=step, label=label, seed=seed)
-        reaction.save(path)
-        return reaction.summary
-    if configuration == PAYLOAD_FILTER:
+        model, _ = train_motion_model(configuration, flights, step=step, label=label, seed=seed)
+    elif configuration == PAYLOAD_FILTER:
         prior = PayloadFilterModel.load(FILTER_MODEL)
-        filters = train_payload_filter([(log, vehicle)], step=step, prior=prior)
-        filters.save(path)
-        return filters.summary
-    if configuration == NEURAL_LPV:
-        fitted = fitted_lpv(packaged_network(), flights, step)
-        save_model(fitted, path)
-        return fitted.summary
-    config = make_config(configuration, seed=seed)
-    model = train_on_flights(flights, config, step=step, label=label).model
-    save_model(model, path)
+        model = train_payload_filter([(log, vehicle)], step=step, prior=prior)
+    elif configuration == NEURAL_LPV:
+        model = fitted_lpv(packaged_network(), flights, step)
+    else:
+        config = make_config(configuration, seed=seed)
+        model = train_on_flights(flights, config, step=step, label=label).model
+    if isinstance(model, MotionModel | PayloadFilterModel):
+        model.save(path)
+    else:
+        save_model(model, path)
     return model.summary
 
 
@@ -211,12 +210,11 @@ def learn_priors(
         for factor in (FACTOR, 1 / FACTOR):
             tried = _changed(best, name, entry, factor)
             found = error(tried)
-            better = found < (1 - GAIN) * least
-            if better:
+            if found < (1 - GAIN) * least:
                 best, least = tried, found
-            course.append(least)
-            if better:
+                course.append(least)
                 break
+            course.append(least)
         on_trial(done, len(names), least)
     return best, course
 

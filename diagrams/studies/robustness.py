@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
-from diagrams.batch.run import Case, Report, Run, Table, failures, require, require_result
+from diagrams.batch.run import Case, Report, Run, Table, failures, require, results
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, fly
@@ -324,7 +324,7 @@ def run(
     trainings, flights = fly_rows(
         run, "robustness", rows, scenarios, partial(flown, **how), config=config
     )
-    require_result(flights)
+    results(flights)
     cells = cells_of(tidy(flights))
     lines, points = robustness_table(cells, axes), grid_points(cells, crossed)
     title = f"{duration:g} s, {run.title()}"

@@ -153,11 +153,11 @@ def run(
     work = partial(flown, **how)
     _, records = fly_rows(run, "tracking", rows, scenarios, work, config=config, **world)
     summaries = [{"metrics": LOST, **result} for result in results(records)]
-    laps: dict[tuple[str, str], dict[str, list]] = {}
-    for summary in summaries:
-        lap = summary.pop("lap", None)
-        if lap is not None and summary["seed"] == run.seeds[0]:
-            laps[summary["experiment"], summary["row"]] = lap
+    laps = {
+        (s["experiment"], s["row"]): s["lap"]
+        for s in summaries
+        if "lap" in s and s["seed"] == run.seeds[0]
+    }
     own = load_experiment("circle", **world).check()
     lines = table(summaries)
     lost = [
@@ -173,7 +173,10 @@ def run(
             "reality": dc.asdict(own.reality),
             "configurations": settings_of_training(rows, run.seed),
         },
-        metrics={"table": lines, "runs": summaries},
+        metrics={
+            "table": lines,
+            "runs": [{k: v for k, v in s.items() if k != "lap"} for s in summaries],
+        },
         notes=[
             f"failed solves: {sum(line['solve_failures'] for line in lines)} in {len(summaries)} "
             f"flights; lost flights: {len(lost)}",

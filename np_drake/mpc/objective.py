@@ -43,8 +43,7 @@ def lateral_response(h: Horizon, S: np.ndarray) -> np.ndarray:
     return response
 
 
-KINDS = 3  # of soft sets [1]
-VELOCITY, TILT, TERMINAL = range(KINDS)  # index of each kind
+KINDS = 3  # of soft sets, in this order: velocity, tilt, terminal [1]
 QUADRATIC = 0.1  # share of s² in the penalty, per unit of the set
 _SOFTENING = 1e-4  # of the ellipsoid's radius squared: keeps the norm smooth at e_N = 0
 

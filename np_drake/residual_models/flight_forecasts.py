@@ -73,7 +73,12 @@ def flight_forecasts(
         if k < first or steps < horizons[0]:
             continue
         if isinstance(model, ReadsPlan):
-            plan = _plan(flight, k, steps + (not averaged), motion)
+            last = k + steps + (not averaged)
+            plan = (
+                Plan(flight.x[k : last + 1], flight.u[k + 1 : last + 1])
+                if motion == KNOWN
+                else held_plan(flight.x[k], flight.u[k], steps=last - k, step=flight.step)
+            )
             course = _labels_along(model, memory, plan, averaged=averaged)
         else:
             zeta = flight.zeta[k : k + steps + 1]
@@ -82,15 +87,6 @@ def flight_forecasts(
         reached = [h for h in horizons if h <= steps]
         chi_hat[k - first, : len(reached)] = course[reached]
     return chi_hat
-
-
-def _plan(flight: SampledFlight, k: int, steps: int, motion: str) -> Plan:
-    """Return the motion after sample k over `steps` steps, as flown until the flight ends, or
-    held.
-    """
-    if motion == KNOWN:
-        return Plan(flight.x[k : k + steps + 1], flight.u[k + 1 : k + steps + 1])
-    return held_plan(flight.x[k], flight.u[k], steps=steps, step=flight.step)
 
 
 def _labels_along(model: ReadsPlan, memory: Memory, plan: Plan, *, averaged: bool) -> np.ndarray:

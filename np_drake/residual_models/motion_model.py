@@ -144,6 +144,9 @@ def closed_form(processes: Sequence[Any], scale: np.ndarray) -> GaussianProcess:
     )
 
 
+Array = Any  # of numpy in flight, a tensor of torch in training
+
+
 @dc.dataclass(frozen=True)
 class WrenchNetwork:
     """Perceptron chi = unit (W^(L+1) relu(W^L … relu(W^1 zeta / scale + b^1) …) + b^(L+1)).
@@ -152,10 +155,10 @@ class WrenchNetwork:
     kink of a ReLU the Jacobian is that of the inactive side.
     """
 
-    weights: tuple[np.ndarray, ...]  # (out, in)
-    biases: tuple[np.ndarray, ...]  # (out,)
-    scale: np.ndarray  # (6,) of zeta [m/s, rad/s]
-    unit: np.ndarray  # (6,) of chi [N, N·m]
+    weights: tuple[Array, ...]  # (out, in)
+    biases: tuple[Array, ...]  # (out,)
+    scale: Array  # (6,) of zeta [m/s, rad/s]
+    unit: Array  # (6,) of chi [N, N·m]
 
     def __post_init__(self):
         width = 6
@@ -171,11 +174,11 @@ class WrenchNetwork:
             "WrenchNetwork: the last layer, scale and unit must have six entries.",
         )
 
-    def __call__(self, zeta: np.ndarray) -> np.ndarray:
+    def __call__(self, zeta: Array) -> Array:
         """Return chi (..., 6) [N, N·m] at zeta (..., 6) [m/s, rad/s]."""
         value = zeta / self.scale
         for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            value = np.maximum(value @ W.T + b, 0.0)
+            value = (value @ W.T + b).clip(0.0)
         return (value @ self.weights[-1].T + self.biases[-1]) * self.unit
 
     def jacobian(self, zeta: np.ndarray) -> np.ndarray:
@@ -259,19 +262,12 @@ class MotionModel:
         write_model(self.reaction.tensors(), SCHEMA, header, path)
 
     @classmethod
-    def load(cls, path: str | Path, name: str | None = None) -> "MotionModel":
+    def load(cls, path: str | Path) -> "MotionModel":
         """Return the model in a file.
 
-        Args:
-            name: where given, the name that the file must hold.
         Raises: ValueError: as `read_model`.
         """
-        model = read_model(path, SCHEMA, cls._build)
-        require(
-            name is None or model.name == name,
-            f"{path}: the model must be {name}; got {model.name}.",
-        )
-        return model
+        return read_model(path, SCHEMA, cls._build)
 
     @classmethod
     def _build(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "MotionModel":

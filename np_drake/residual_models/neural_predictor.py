@@ -8,12 +8,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from np_drake import rigid_body
-from np_drake.lifting.model.lifted_linear_system import (
-    RADIUS,
-    LiftedLinearSystem,
-    advance,
-    stabilized,
-)
+from np_drake.lifting.model.lifted_linear_system import RADIUS, LiftedLinearSystem, stabilized
 from np_drake.lifting.model.lifted_model import LiftedModel, load_model
 from np_drake.lifting.model.lpv_model import DECAYS, NEW, PARAMETERS, Features, K, LpvModel
 from np_drake.residual_model import Memory, Sample, WrenchForecast
@@ -91,7 +86,8 @@ class NeuralPredictor:
 
         Channels that C does not read, and all before the first z, are held in `offset`.
         """
-        offset, system, z = memory["lowpass"].copy(), self._resampled(memory, stride), memory["z"]
+        offset, z = memory["lowpass"].copy(), memory["z"]
+        system = self.system(memory).resample(stride)
         if self._warm(memory):
             offset[~self._held] = 0.0
         else:
@@ -110,19 +106,12 @@ class NeuralPredictor:
         """Return z, where there are samples enough, and what else changes with the newest one."""
         raise NotImplementedError
 
-    def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
-        return self.system(memory).resample(stride)
-
-    def _before_label(self, memory: Memory) -> tuple[np.ndarray, np.ndarray]:
-        """Return z and zeta one step before the next label's time."""
-        return memory["z"], memory["window"][-1, 6:]
-
     def _own_prediction(self, memory: Memory) -> np.ndarray:
         """Return what the model expected for this sample before it came, (6,)."""
         if not self._warm(memory):
             return memory["lowpass"]
-        s, (z, zeta) = self.system(memory), self._before_label(memory)
-        return np.where(self._held, memory["lowpass"], s.C @ (s.A @ z + s.B @ zeta))
+        s, zeta = self.system(memory), memory["window"][-1, 6:]
+        return np.where(self._held, memory["lowpass"], s.C @ (s.A @ memory["z"] + s.B @ zeta))
 
     def _counted(self, memory: Memory, labelled: bool, complete: bool) -> Memory:
         """Return the counters after one more sample."""
@@ -142,9 +131,6 @@ class NeuralPredictor:
 class LiftedPredictor(NeuralPredictor):
     """Predictor of one system, or of one that is refit in flight.
 
-    A label that is known to be late is lifted at its own time, and z then taken to the present with
-    the zeta since.
-
     Memory: as of `NeuralPredictor`; where A (K, K) and B (K, 6) change in flight, these, and rows
     (refit, K + 6), what the refit reads of each sample, lifted once, zero before the first window
     was full; where the model has a `trust`, its memory, as trust/….
@@ -156,9 +142,6 @@ class LiftedPredictor(NeuralPredictor):
     def __init__(self, model: LiftedModel):
         held = np.all(model.system.C == 0.0, axis=1)
         super().__init__(model, held, enough=model.window, longest=model.window)
-        self._refit = WindowRefit(model) if model.refit else None
-        # Constants by stride, computed when first asked for
-        self._resampled_offline: dict[int, LiftedLinearSystem] = {}
 
     def system(self, memory: Memory) -> LiftedLinearSystem:
         """Return the lifted linear system in use now, at the model's step."""
@@ -166,32 +149,25 @@ class LiftedPredictor(NeuralPredictor):
         return LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step) if "A" in memory else s
 
     def _afresh(self) -> Memory:
-        memory = {"z": np.zeros(self.model.system.K)}
-        memory |= {} if self._refit is None else self._refit.initial_memory()
+        s = self.model.system
+        memory = {"z": np.zeros(s.K)}
+        if self.model.refit:
+            memory |= {"A": s.A, "B": s.B, "rows": np.zeros((self.model.refit, s.K + 6))}
         return memory if self.model.trust is None else memory | self.model.trust.initial_memory()
 
     def _lifted(self, new: Memory, *, labelled: bool) -> Memory:
         model, window = self.model, new["window"]
-        z = model.encoder(model.in_time(window)) if self._warm(new) else None
+        z = model.encoder(window) if self._warm(new) else None
         if model.trust is not None:
             return model.trust.update(new, z, window[-1, :6], labelled=labelled)
         if z is None:
             return {}
-        zeta = window[-1 - model.late, 6:]
-        found = {} if self._refit is None else self._refit.update(new["rows"], z, zeta)
-        system = self.system(new | found)
-        return found | {"z": advance(z, system.A, system.B, model.since_label(window))}
-
-    def _before_label(self, memory: Memory) -> tuple[np.ndarray, np.ndarray]:
-        z = memory["rows"][-1, : self.model.system.K] if self._refit else memory["z"]
-        return z, memory["window"][-1 - self.model.late, 6:]
-
-    def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
-        if "A" in memory:
-            return super()._resampled(memory, stride)
-        if stride not in self._resampled_offline:
-            self._resampled_offline[stride] = self.model.system.resample(stride)
-        return self._resampled_offline[stride]
+        if not model.refit:
+            return {"z": z}
+        sample = np.concatenate([z, window[-1, 6:] / model.zeta_scale])
+        rows = np.vstack([new["rows"][1:], sample])
+        A, B = window_refit(model, rows)
+        return {"z": z, "A": A, "B": B, "rows": rows}
 
 
 class LpvPredictor(NeuralPredictor):
@@ -230,9 +206,9 @@ class LpvPredictor(NeuralPredictor):
         return {"z": z, "theta": theta, "energy": energy}
 
 
-class WindowRefit:
-    """A and B refit on the last samples: Bayesian regression about the offline matrices A_0 and
-    B_0, projected stable.
+def window_refit(model: LiftedModel, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return stable A (K, K) and B (K, 6), refit on the last samples `rows` (n, K + 6), of which
+    zeros say nothing: Bayesian regression about the offline matrices A_0 and B_0.
 
     The samples are Y = X Theta + E with rows [z, zeta / scale] in X, the next z in Y, Theta =
     [A B]'. The prior is matrix normal, Theta ~ N(Theta_0, Sigma / p), with the covariance Sigma
@@ -241,38 +217,17 @@ class WindowRefit:
         Theta = Theta_0 + (X'X + p)^-1 X'(Y - X Theta_0).
 
     p is the model's `ridge`. Directions that the samples do not excite stay at the prior: forty
-    cannot determine thirty columns (median rank 15 on real flights).
+    cannot determine thirty columns (median rank 15 on real flights). The normal matrix is formed
+    anew at every sample: one product of 2 us, which adding one row and removing one would not beat,
+    and it accumulates no rounding error.
     Source: Jin et al. 2025, Algorithm 1; the prior is an own choice.
     """
-
-    def __init__(self, model: LiftedModel):
-        self._system, self._scale = model.system, model.zeta_scale
-        self._count, self._ridge = model.refit, model.ridge
-        self._pull = model.ridge * np.hstack([model.system.A, model.system.B * self._scale])
-
-    def initial_memory(self) -> Memory:
-        """Return A, B, and the samples as the refit reads them."""
-        s = self._system
-        return {"A": s.A, "B": s.B, "rows": np.zeros((self._count, s.K + 6))}
-
-    def update(self, rows: np.ndarray, z: np.ndarray, zeta: np.ndarray) -> Memory:
-        """Return the rows with one more sample, and A and B."""
-        newest = np.concatenate([z, zeta / self._scale])
-        rows = np.concatenate([rows[1:], newest[None]])
-        A, B = self.solve(rows)
-        return {"rows": rows, "A": A, "B": B}
-
-    def solve(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return stable A (K, K) and B (K, 6) from `rows` (n, K + 6); rows of zeros say nothing.
-
-        The normal matrix is formed anew at every sample: one product of 2 us, which adding one row
-        and removing one would not beat, and it accumulates no rounding error.
-        """
-        # (X'X + p) [A B]' = X'Y + p [A_0 B_0]', by Cholesky
-        X, K = rows[:-1], self._system.K
-        normal = X.T @ X
-        normal.flat[:: len(normal) + 1] += self._ridge
-        moments = rows[1:, :K].T @ X + self._pull
-        # Transposed: no copies
-        solution = lapack.dposv(normal.T, moments.T, overwrite_a=1, overwrite_b=1)[1].T
-        return stabilized(solution[:, :K], RADIUS), solution[:, K:] / self._scale
+    # (X'X + p) [A B]' = X'Y + p [A_0 B_0]', by Cholesky
+    X, K, scale = rows[:-1], model.system.K, model.zeta_scale
+    normal = X.T @ X
+    normal.flat[:: len(normal) + 1] += model.ridge
+    offline = np.hstack([model.system.A, model.system.B * scale])
+    moments = rows[1:, :K].T @ X + model.ridge * offline
+    # Transposed: no copies
+    solution = lapack.dposv(normal.T, moments.T, overwrite_a=1, overwrite_b=1)[1].T
+    return stabilized(solution[:, :K], RADIUS), solution[:, K:] / scale

@@ -5,6 +5,7 @@ carry.
 import dataclasses as dc
 import itertools
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from np_drake.labels import RAW, LabelConfig, default_labels
 from np_drake.lifting.model.lpv_model import LpvModel, units_of
 from np_drake.lifting.training.excitation import excitation
 from np_drake.lifting.training.neural_lpv import NeuralLpvConfig
-from np_drake.lifting.training.paper_training import descend_once
+from np_drake.lifting.training.paper_training import descend
 from np_drake.lifting.training.train import Config, TrainingResult, configured, train
 from np_drake.residual_models.motion_model import (
     GP,
@@ -30,7 +31,7 @@ from np_drake.rotor_input import acting_command, with_rotor_lag
 from np_drake.trained_model import origin_of, with_origin
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.actuator_timing import delayed, delays_sought, learned_timing
-from np_drake.training_data.segments import Flight, WrenchSequence, finite_runs, group_scale
+from np_drake.training_data.segments import Flight, finite_runs, group_scale
 from np_drake.vehicle import Vehicle
 
 TIMED = 10  # flights at most that tell how late commands act: more take long
@@ -97,15 +98,6 @@ def fitted_lpv(prior: LpvModel, flights: Sequence[Flight], step: float) -> LpvMo
 
 
 @dc.dataclass(frozen=True)
-class Piece:
-    """One uninterrupted piece of flight."""
-
-    x: np.ndarray  # (n, 13)
-    u: np.ndarray  # (n, 4) acting from each row to the next [N, N·m]
-    step: float  # [s]
-
-
-@dc.dataclass(frozen=True)
 class KnodeConfig:
     """Parameters of the KNODE: network as Phi (two hidden layers of 128, ReLU), the rest own
     choice.
@@ -123,7 +115,7 @@ class KnodeConfig:
 
 
 def fit_knode(
-    pieces: Sequence[Piece],
+    logs: Sequence[FlightLog],
     vehicle: Vehicle,
     config: KnodeConfig = KnodeConfig(),
     *,
@@ -137,137 +129,114 @@ def fit_knode(
         on_epoch: called with (epoch, total, loss).
     Raises: ValueError: if no piece is longer than a window, or the steps differ.
     """
-    x, u, step = _windows(pieces, config)
-    scale = group_scale([piece.x[:, 7:13] for piece in pieces], centred=False)
+    steps = np.array([log.step for log in logs])
+    require(
+        np.ptp(steps) <= 0.02 * steps.min(),
+        f"knode: all logs must share one step [s]; got {steps.min()} to {steps.max()}.",
+    )
+    x, u, scale = _windows(logs, vehicle, config)
     unit = np.concatenate([np.full(3, vehicle.mass), np.diag(vehicle.J)])  # of 1 m/s² and 1 rad/s²
-    network = _Network(config, scale, unit)
-    ode = _Nominal(vehicle, step)
+    network = _initial_network(config, scale, unit)
+    roll = partial(rollout, vehicle, float(steps[0]))
     with torch.no_grad():
-        missed = x[:, 1:, 7:] - ode.rollout(x[:, 0], u, lambda zeta: torch.zeros_like(zeta))
+        missed = x[:, 1:, 7:] - roll(x[:, 0], u, torch.zeros_like)
         # The constant that the nominal model misses most is known at once; descent need not look
         # for it.
-        network.biases[-1].copy_(missed[:, -1].mean(dim=0) / (config.window * step))
+        network.biases[-1].copy_(missed[:, -1].mean(dim=0) / (config.window * steps[0]))
         weight = 1.0 / missed.unflatten(-1, (2, 3)).pow(2).mean(dim=(0, 1, 3)).clamp_min(1e-12)
+
+    def loss(rows: torch.Tensor) -> torch.Tensor:
+        error = roll(x[rows, 0], u[rows], network) - x[rows, 1:, 7:]
+        return (error.unflatten(-1, (2, 3)).pow(2).mean(dim=(0, 1, 3)) * weight).mean()
+
     optimiser = torch.optim.AdamW(
-        network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+        [*network.weights, *network.biases],
+        lr=config.learning_rate,
+        weight_decay=config.weight_decay,
     )
-    rate = torch.optim.lr_scheduler.CosineAnnealingLR(
-        optimiser, max(config.epochs, 1), config.learning_rate / 10
+    history = descend(optimiser, loss, len(x), config, on_epoch=on_epoch)
+    weights, biases = (
+        tuple(value.detach().numpy() for value in of) for of in (network.weights, network.biases)
     )
-    history = []
-    for epoch in range(config.epochs):
-        order = torch.from_numpy(np.random.default_rng([config.seed, epoch]).permutation(len(x)))
-        losses = []
-        for rows in order.split(config.batch):
-            error = ode.rollout(x[rows, 0], u[rows], network) - x[rows, 1:, 7:]
-            loss = (error.unflatten(-1, (2, 3)).pow(2).mean(dim=(0, 1, 3)) * weight).mean()
-            descend_once(optimiser, loss)
-            losses.append(loss.item())
-        rate.step()
-        history.append(float(np.mean(losses)))
-        on_epoch(epoch + 1, config.epochs, history[-1])
-    return network.export(), history
+    return WrenchNetwork(weights, biases, scale, unit), history
 
 
-class _Network(torch.nn.Module):
-    """Wrench network with gradients, in double precision."""
-
-    def __init__(self, config: KnodeConfig, scale: np.ndarray, unit: np.ndarray):
-        super().__init__()
-        generator = torch.Generator().manual_seed(config.seed)
-        sizes = list(itertools.pairwise([6] + [config.width] * config.layers + [6]))
-        self.weights, self.biases = torch.nn.ParameterList(), torch.nn.ParameterList()
-        for place, (inputs, outputs) in enumerate(sizes):
-            gain = 0.0 if place == len(sizes) - 1 else np.sqrt(2.0 / inputs)  # starts as a constant
-            raw = torch.randn(outputs, inputs, generator=generator, dtype=torch.float64)
-            self.weights.append(torch.nn.Parameter(gain * raw))
-            self.biases.append(torch.nn.Parameter(torch.zeros(outputs, dtype=torch.float64)))
-        self._scale, self._unit = torch.from_numpy(scale), torch.from_numpy(unit)
-
-    def forward(self, zeta: torch.Tensor) -> torch.Tensor:
-        """Return chi (..., 6) [N, N·m]."""
-        value = zeta / self._scale
-        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            value = torch.relu(value @ W.T + b)
-        return (value @ self.weights[-1].T + self.biases[-1]) * self._unit
-
-    def export(self) -> WrenchNetwork:
-        """Return the network in numpy."""
-        weights, biases = (
-            tuple(p.detach().numpy().copy() for p in group) for group in (self.weights, self.biases)
-        )
-        return WrenchNetwork(weights, biases, self._scale.numpy().copy(), self._unit.numpy().copy())
+def _initial_network(config: KnodeConfig, scale: np.ndarray, unit: np.ndarray) -> WrenchNetwork:
+    """Return a random network of tensors with gradients that starts as a constant."""
+    generator = torch.Generator().manual_seed(config.seed)
+    weights = []
+    for inputs, outputs in itertools.pairwise([6, *[config.width] * config.layers, 6]):
+        raw = torch.randn(outputs, inputs, generator=generator, dtype=torch.float64)
+        weights.append(np.sqrt(2.0 / inputs) * raw)
+    weights[-1].zero_()
+    biases = [torch.zeros(len(W), dtype=W.dtype) for W in weights]
+    for value in (*weights, *biases):
+        value.requires_grad_()
+    units = torch.from_numpy(scale), torch.from_numpy(unit)
+    return WrenchNetwork(tuple(weights), tuple(biases), *units)
 
 
-class _Nominal:
-    """Dynamics of eq. (1) of Jin et al. 2025 with gradients; classical Runge-Kutta, the input held
-    over a step.
+def rollout(
+    vehicle: Vehicle, step: float, start: torch.Tensor, u: torch.Tensor, wrench: Callable
+) -> torch.Tensor:
+    """Return zeta after 1 … H steps of eq. (1) of Jin et al. 2025, (b, H, 6); classical
+    Runge-Kutta, the input held over a step.
+
+    Args:
+        step: [s].
+        start: (b, 13) states.
+        u: (b, H, 4) commands [N, N·m].
+        wrench: chi (b, 6) at zeta (b, 6).
     """
+    y, course = start[:, 3:], []  # q, v, w: position drives nothing
+    for command in u.unbind(dim=1):
+        k1 = _rate(vehicle, y, command, wrench)
+        k2 = _rate(vehicle, y + 0.5 * step * k1, command, wrench)
+        k3 = _rate(vehicle, y + 0.5 * step * k2, command, wrench)
+        k4 = _rate(vehicle, y + step * k3, command, wrench)
+        y = y + (step / 6) * (k1 + 2 * k2 + 2 * k3 + k4)
+        course.append(y[:, 4:])
+    return torch.stack(course, dim=1)
 
-    def __init__(self, vehicle: Vehicle, step: float):
-        self._step, self._mass, self._gravity = step, vehicle.mass, vehicle.gravity
-        self._J, self._J_inv = (
-            torch.from_numpy(vehicle.J),
-            torch.from_numpy(np.linalg.inv(vehicle.J)),
-        )
 
-    def rollout(self, start: torch.Tensor, u: torch.Tensor, wrench: Callable) -> torch.Tensor:
-        """Return zeta after 1 … H steps, (b, H, 6).
-
-        Args:
-            start: (b, 13) states.
-            u: (b, H, 4) commands [N, N·m].
-        """
-        y, course = start[:, 3:], []  # q, v, w: position drives nothing
-        for i in range(u.shape[1]):
-            y = self._advance(y, u[:, i], wrench)
-            course.append(y[:, 4:])
-        return torch.stack(course, dim=1)
-
-    def _advance(self, y: torch.Tensor, u: torch.Tensor, wrench: Callable) -> torch.Tensor:
-        h = self._step
-        k1 = self._rate(y, u, wrench)
-        k2 = self._rate(y + 0.5 * h * k1, u, wrench)
-        k3 = self._rate(y + 0.5 * h * k2, u, wrench)
-        k4 = self._rate(y + h * k3, u, wrench)
-        return y + (h / 6) * (k1 + 2 * k2 + 2 * k3 + k4)
-
-    def _rate(self, y: torch.Tensor, u: torch.Tensor, wrench: Callable) -> torch.Tensor:
-        (q0, q1, q2, q3), w, chi = y[:, :4].T, y[:, 7:], wrench(y[:, 4:])
-        a, b, c = w.T
-        dq = 0.5 * torch.stack(
-            [
-                -q1 * a - q2 * b - q3 * c,
-                q0 * a + q2 * c - q3 * b,
-                q0 * b + q3 * a - q1 * c,
-                q0 * c + q1 * b - q2 * a,
-            ],
-            dim=1,
-        )
-        up = torch.stack(
-            [2 * (q1 * q3 + q0 * q2), 2 * (q2 * q3 - q0 * q1), q0**2 - q1**2 - q2**2 + q3**2], dim=1
-        )
-        dv = (u[:, :1] * up + chi[:, :3]) / self._mass
-        dv = dv - torch.tensor([0.0, 0.0, self._gravity], dtype=dv.dtype)
-        torque = u[:, 1:] + chi[:, 3:] - torch.linalg.cross(w, w @ self._J.T)
-        return torch.cat([dq, dv, torque @ self._J_inv.T], dim=1)
+def _rate(vehicle: Vehicle, y: torch.Tensor, u: torch.Tensor, wrench: Callable) -> torch.Tensor:
+    (q0, q1, q2, q3), w, chi = y[:, :4].T, y[:, 7:], wrench(y[:, 4:])
+    a, b, c = w.T
+    dq = 0.5 * torch.stack(
+        [
+            -q1 * a - q2 * b - q3 * c,
+            q0 * a + q2 * c - q3 * b,
+            q0 * b + q3 * a - q1 * c,
+            q0 * c + q1 * b - q2 * a,
+        ],
+        dim=1,
+    )
+    up = torch.stack(
+        [2 * (q1 * q3 + q0 * q2), 2 * (q2 * q3 - q0 * q1), q0**2 - q1**2 - q2**2 + q3**2], dim=1
+    )
+    dv = (u[:, :1] * up + chi[:, :3]) / vehicle.mass
+    dv = dv - torch.tensor([0.0, 0.0, vehicle.gravity], dtype=dv.dtype)
+    torque = u[:, 1:] + chi[:, 3:] - torch.linalg.cross(w, w @ torch.from_numpy(vehicle.J).T)
+    return torch.cat([dq, dv, torque @ torch.from_numpy(np.linalg.inv(vehicle.J)).T], dim=1)
 
 
 def _windows(
-    pieces: Sequence[Piece], config: KnodeConfig
-) -> tuple[torch.Tensor, torch.Tensor, float]:
-    """Return x (m, H + 1, 13), u (m, H, 4) and the step [s]."""
-    steps = np.array([piece.step for piece in pieces])
-    if len(steps) and np.ptp(steps) > 0.02 * steps.min():
-        raise ValueError(
-            f"knode: all logs must share one step [s]; got {steps.min()} to {steps.max()}."
-        )
+    logs: Sequence[FlightLog], vehicle: Vehicle, config: KnodeConfig
+) -> tuple[torch.Tensor, torch.Tensor, np.ndarray]:
+    """Return x (m, H + 1, 13) and u (m, H, 4) of windows between the rows that hold a NaN, with the
+    command that acts by the vehicle's rotor lag, and the scale (6,) of zeta.
+    """
+    pieces = list[tuple[np.ndarray, np.ndarray]]()
+    for log in logs:
+        x, u = log.x, acting_command(log, vehicle)
+        pieces += [(x[a:b], u[a:b]) for a, b in finite_runs(x, u)]
     H = config.window
-    starts = [(p, k) for p in pieces for k in range(0, len(p.x) - H, config.spacing)]
+    starts = [(x, u, k) for x, u in pieces for k in range(0, len(x) - H, config.spacing)]
     require(starts, f"knode: at least {H + 1} rows in one piece are needed; got none so long.")
-    x = np.array([piece.x[k : k + H + 1] for piece, k in starts])
-    u = np.array([piece.u[k : k + H] for piece, k in starts])
-    return torch.from_numpy(x), torch.from_numpy(u), float(steps[0])
+    states = np.array([x[k : k + H + 1] for x, _, k in starts])
+    commands = np.array([u[k : k + H] for _, u, k in starts])
+    scale = group_scale([x[:, 7:13] for x, _ in pieces], centred=False)
+    return torch.from_numpy(states), torch.from_numpy(commands), scale
 
 
 CONFIGURATIONS: dict[str, GaussianProcessConfig | KnodeConfig] = {
@@ -305,7 +274,12 @@ def train_motion_model(
     if isinstance(config, GaussianProcessConfig):
         reaction: Any = fit_gaussian_process(segments, config)
     else:
-        reaction, loss = fit_knode(_pieces(flights), vehicle, config, on_epoch=on_epoch)
+        logs = [flight.data for flight in flights if isinstance(flight.data, FlightLog)]
+        require(
+            len(logs) == len(flights),
+            "knode: arrays hold no command to integrate; give flight logs.",
+        )
+        reaction, loss = fit_knode(logs, vehicle, config, on_epoch=on_epoch)
     error = np.concatenate([reaction(s.zeta) - s.goal for s in segments])
     summary = {
         "samples": sum(map(len, segments)),
@@ -317,17 +291,3 @@ def train_motion_model(
     model = MotionModel(name, reaction, step, summary)
     origin = origin_of(flights[0].frame, vehicle, label or default_labels(vehicle))
     return with_origin(model, origin), loss
-
-
-def _pieces(flights: Sequence[Flight]) -> list[Piece]:
-    """Return the pieces of logs between rows that hold a NaN, with the command that acts by the
-    vehicle's rotor lag.
-    """
-    pieces = []
-    for flight in flights:
-        log = flight.data
-        if isinstance(log, WrenchSequence):
-            raise ValueError(f"knode: {log.name} holds no command to integrate; give flight logs.")
-        x, u = log.x, acting_command(log, flight.vehicle)
-        pieces += [Piece(x[a:b], u[a:b], log.step) for a, b in finite_runs(x, u)]
-    return pieces

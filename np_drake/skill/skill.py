@@ -21,7 +21,6 @@ from np_drake.training_data.segments import (
     Flight,
     SampledFlight,
     Segment,
-    WrenchSequence,
     flown_segments,
     of_wrenches,
 )
@@ -49,8 +48,7 @@ def skill_table(
 
     rmse: of the norm over all origins [N, N·m].
     skill: RMSE over that of the best naive row at that horizon [1].
-    ratio: over that of persistence [1]; interval: 95 % of the ratio within this flight (see
-        `ratio_interval`), NaN where the flight is too short for one.
+    ratio: over that of persistence [1].
     peak: longest forecast of the flight over its longest label [1]; a forecast that diverges has a
         large one.
 
@@ -78,17 +76,15 @@ def skill_table(
         predictions[name] = model_predictions(
             model, chi, zeta, origins, horizons, zeta_known=zeta_known, seen=seen.get(name)
         )
-    square = {name: _size(prediction - goal) ** 2 for name, prediction in predictions.items()}
-    rmse = {name: np.sqrt(error.mean(axis=0)) for name, error in square.items()}
+    rmse = {
+        name: np.sqrt((_size(prediction - goal) ** 2).mean(axis=0))
+        for name, prediction in predictions.items()
+    }
     longest = _size(chi).max(axis=0)
     peaks = {
         name: _ratio(_size(chi_hat).max(axis=0), longest) for name, chi_hat in predictions.items()
     }
     best = np.min([rmse[name] for name in NAIVE], axis=0)
-    interval = {
-        name: ratio_interval(error, square["persistence"], horizons)
-        for name, error in square.items()
-    }
     rows = []
     for name, error in rmse.items():
         skill, ratio = _ratio(error, best), _ratio(error, rmse["persistence"])
@@ -103,9 +99,7 @@ def skill_table(
                 )
                 for k, kind in enumerate(("force", "torque"))
             }
-            force, torque = (tuple(map(float, bounds)) for bounds in interval[name][i])
-            named = {"flight": flight, "model": name, "horizon": horizon}
-            rows.append({**named, **figures, "force_interval": force, "torque_interval": torque})
+            rows.append({"flight": flight, "model": name, "horizon": horizon, **figures})
     return rows
 
 
@@ -150,37 +144,6 @@ def naive_predictions(
     }
 
 
-BLOCKS = 20  # a flight is cut into at most so many [1]
-FEWEST = 5  # and into no fewer, else nothing is said [1]
-DRAWS = 400  # of the blocks [1]
-LEVEL = 0.95  # probability of an interval [1]
-
-
-def ratio_interval(square: np.ndarray, reference: np.ndarray, horizons: list[int]) -> np.ndarray:
-    """Return low and high of RMSE over the reference's RMSE, (H, 2, 2) [1], by paired block
-    bootstrap over one flight.
-
-    Args:
-        square: (o, H, 2) squared errors at successive origins.
-        reference: (o, H, 2) those of the reference.
-        horizons: lower limits of the block lengths, one a horizon [steps].
-    """
-    out = np.full((*square.shape[1:], 2), np.nan)
-    tails = 50 * (1 - LEVEL), 50 * (1 + LEVEL)
-    for i, horizon in enumerate(horizons):
-        count = min(BLOCKS, len(square) // max(horizon, 1))
-        if count < FEWEST:
-            continue
-        edges = np.linspace(0, len(square), count + 1).astype(int)[:-1]
-        # Block bootstrap: how often each block is drawn, with replacement; sums over blocks give
-        # the drawn RMSE
-        drawn = np.random.default_rng(0).multinomial(count, np.full(count, 1.0 / count), DRAWS)
-        over, under = (drawn @ np.add.reduceat(x[:, i], edges, axis=0) for x in (square, reference))
-        if np.all(under > 0):
-            out[i] = np.percentile(np.sqrt(over / under), tails, axis=0).T
-    return out
-
-
 WARM_UP = 40  # samples before the first origin, at least [1]
 Model = LiftedModel | LpvModel | PayloadFilterModel
 Predictor = NeuralPredictor | PayloadFilter
@@ -206,7 +169,10 @@ def score_flights(
     Raises: ValueError: if a step is not the model's, or a flight too short.
     """
     rows: list[dict[str, Any]] = []
-    predictor, name = predictor_of(model), model.configuration
+    name = model.configuration
+    predictor: Predictor = (
+        PayloadFilter(model) if isinstance(model, PayloadFilterModel) else NeuralPredictor.of(model)
+    )
     for number, flight in enumerate(flights, 1):
         segment, seen = _longest_flown(flight, predictor)
         table = skill_table(
@@ -217,8 +183,8 @@ def score_flights(
             mean=segment.chi.mean(axis=0),
             target=segment.goal,
             zeta_known=zeta == "known",
-            warm_up=max(WARM_UP, _first(model) + 1),
-            flight=flight_name(flight),
+            warm_up=max(WARM_UP, model.window if isinstance(model, LiftedModel) else 1),
+            flight=TESTS.get(f"merged_{flight.data.name}", flight.data.name),  # the paper's name
             seen={name: seen},
         )
         rows += [{**row, "horizon": row["horizon"] * segment.step, "zeta": zeta} for row in table]
@@ -226,51 +192,30 @@ def score_flights(
     return rows
 
 
-def flight_name(flight: Flight) -> str:
-    """Return the paper's name of a flight where it has one."""
-    return TESTS.get(f"merged_{flight.data.name}", flight.data.name)
-
-
-def predictor_of(model: Model) -> Predictor:
-    """Return the predictor of a model, which predicts force and torque."""
-    if isinstance(model, PayloadFilterModel):
-        return PayloadFilter(model)
-    return NeuralPredictor.of(model)
-
-
 def _longest_flown(flight: Flight, predictor: Predictor) -> tuple[Segment, SampledFlight]:
     """Return the longest uninterrupted piece of a flight, and that piece as the predictor sees it.
 
-    Raises: ValueError: if the predictor was trained on other labels, or nothing usable is left.
+    Raises: ValueError: if the predictor was trained on other labels, an array has another step, or
+        nothing usable is left.
     """
     require_origin(predictor.model, origin_of(flight.frame, flight.vehicle, predictor.label))
-    if not isinstance(flight.data, FlightLog):
+    data, step = flight.data, predictor.step
+    if isinstance(data, FlightLog):
+        pieces = flown_segments(data, flight.vehicle, predictor, step=step)
+    else:
         require(
             isinstance(predictor, NeuralPredictor),
-            f"{flight.data.name}: must be a flight log, with attitude and command, for "
+            f"{data.name}: must be a flight log, with attitude and command, for "
             f"{predictor.name}; got an array.",
         )
-        piece = _longest_piece(flight, predictor.step)
-        return piece, of_wrenches(piece.chi, piece.zeta, piece.step)
-    pieces = flown_segments(flight.data, flight.vehicle, predictor, step=predictor.step)
-    require(pieces, f"{flight.data.name}: must hold rows without NaN; got none.")
-    return max(pieces, key=lambda piece: len(piece[0]))
-
-
-def _longest_piece(flight: Flight, step: float) -> Segment:
-    """Return the longest uninterrupted piece of a flight, at a model's step [s].
-
-    Raises: ValueError: if an array has another step, or nothing usable is left.
-    """
-    data = flight.data
-    require(
-        not isinstance(data, WrenchSequence) or abs(data.step - step) <= STEP_TOLERANCE * step,
-        f"{data.name}: step must be the model's, {step:g} s; got {data.step:g} s. "
-        f"Train on such arrays.",
-    )
-    pieces = flight.segments(step)
+        require(
+            abs(data.step - step) <= STEP_TOLERANCE * step,
+            f"{data.name}: step must be the model's, {step:g} s; got {data.step:g} s. "
+            f"Train on such arrays.",
+        )
+        pieces = [(s, of_wrenches(s.chi, s.zeta, s.step)) for s in flight.segments(step)]
     require(pieces, f"{data.name}: must hold rows without NaN; got none.")
-    return max(pieces, key=len)
+    return max(pieces, key=lambda piece: len(piece[0]))
 
 
 def diverged(rows: list[dict[str, Any]]) -> list[str]:
@@ -286,8 +231,3 @@ def _bounded(row: dict[str, Any]) -> bool:
     peaks = [row[f"{kind}_peak"] for kind in ("force", "torque")]
     finite = np.isfinite(row["force_rmse"]) and np.isfinite(row["torque_rmse"])
     return bool(finite and not any(peak > DIVERGED for peak in peaks))
-
-
-def _first(model: Model) -> int:
-    """Return the number of the first sample that a model forecasts from."""
-    return model.window - 1 if isinstance(model, LiftedModel) else 0

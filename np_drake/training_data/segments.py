@@ -9,14 +9,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
-from np_drake.labels import (
-    LabelConfig,
-    ReadsLabels,
-    default_labels,
-    labelled,
-    labels,
-    smooth_labels,
-)
+from np_drake.labels import LabelConfig, ReadsLabels, labelled, labels, smooth_labels
 from np_drake.residual_model import Sample
 from np_drake.training_data.accelerations import rows_at, with_accelerations
 from np_drake.training_data.actuator_timing import delayed
@@ -71,14 +64,12 @@ class Segment:
     target: (n, 6) what is to be predicted, where that is better known afterwards (a zero-phase
         smoothed
     label): the lifted linear system then learns to undo delay and noise of the label. Default: chi.
-    late: samples by which the labels of force lag behind the wrench.
     """
 
     chi: np.ndarray
     zeta: np.ndarray
     step: float
     target: np.ndarray | None = None
-    late: int = 0
 
     def __len__(self) -> int:
         return len(self.chi)
@@ -87,12 +78,6 @@ class Segment:
     def goal(self) -> np.ndarray:
         """Target (n, 6) where there is one, else chi [N, N·m]."""
         return self.chi if self.target is None else self.target
-
-    @property
-    def in_time(self) -> "Segment":
-        """Samples with each label beside the motion and the target of its own time."""
-        n = len(self) - self.late
-        return Segment(self.chi[self.late :], self.zeta[:n], self.step, self.goal[:n])
 
 
 def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
@@ -130,9 +115,7 @@ def _checked(segment: Segment, number: int) -> Segment:
                 f"Segment {number}: {name} must be finite; row {row} is not. Cut the log there."
             )
     require(segment.step > 0, f"Segment {number}: step must be positive [s]; got {segment.step}.")
-    return Segment(
-        arrays["chi"], arrays["zeta"], float(segment.step), arrays["target"], segment.late
-    )
+    return Segment(arrays["chi"], arrays["zeta"], float(segment.step), arrays["target"])
 
 
 def group_scale(values: list[np.ndarray], *, centred: bool) -> np.ndarray:
@@ -265,9 +248,7 @@ class Flight:
         flight = self.data
         if isinstance(flight, WrenchSequence):
             return _pieces(flight.chi, flight.zeta, flight.chi, flight.step)
-        late = round((label or default_labels(self.vehicle)).force_delay / step)
-        made = labelled_rows(_usable(flight), self.vehicle, label, step=step)
-        return [dc.replace(piece, late=late) for piece in _pieces(*made, step)]
+        return _pieces(*labelled_rows(_usable(flight), self.vehicle, label, step=step), step)
 
 
 def require_torque(log: FlightLog) -> FlightLog:

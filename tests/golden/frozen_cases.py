@@ -27,12 +27,18 @@ from diagrams.challenge.draw import CLEAN, CaseDraw, case_name
 from diagrams.challenge.make import Making, write_case
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.files.file_access import write_text
-from np_drake.logs.formats.neurobem import AGILE, published_vehicle
+from np_drake.logs.formats.neurobem import published_vehicle
 from np_drake.logs.opening import open_flights
 
 SEED, SECONDS = 36, 10.0
 DIGITS = 10  # significant ones that are stored
 REAL = "neurobem"
+AGILE = (  # flights that excite the aerodynamics
+    "2021-02-18-16-43-54_seg_3",
+    "2021-02-18-17-19-08_seg_2",
+    "2021-02-23-10-48-03_seg_2",
+    "2021-02-23-11-41-38_seg_3",
+)
 STORED = Path(__file__).with_name("answers.json")
 TOLERANCE = 1e-6  # largest relative difference on one machine
 Settings = tuple[str, str, CaseDraw]  # simulator, quality, draw

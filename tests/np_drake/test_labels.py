@@ -81,17 +81,6 @@ def test_smooth_labels_have_no_delay():
     assert lag[1] > 599
 
 
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_a_slow_force_comes_late_by_the_delay_of_the_low_pass(order):
-    vehicle, log, _ = flight(chi=np.zeros(6), n=1000)
-    log.a[:, 0] += log.t / vehicle.mass  # a ramp of 1 N/s
-    config = lb.LabelConfig(order=order)
-    # [s]
-    assert log.t[-1] - lb.labels(log, vehicle, config)[-1, 0] == pytest.approx(
-        config.force_delay, rel=0.02
-    )
-
-
 def test_a_command_through_the_vehicle_files_lag_leaves_no_torque():
     vehicle, log, _ = flight(chi=np.zeros(6), lag=0.03)
     assert np.abs(lb.raw_labels(log, vehicle)).max() < 1e-9  # [N, N·m]

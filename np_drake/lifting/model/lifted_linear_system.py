@@ -50,8 +50,6 @@ def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
     Raises: numpy.linalg.LinAlgError: if an entry of A is not finite, or its eigenvalues do not
         converge.
     """
-    if not A.size:
-        return A
     require(
         np.isfinite(A).all(), "stabilized: every entry of A must be finite.", np.linalg.LinAlgError
     )
@@ -106,12 +104,11 @@ class LiftedLinearSystem:
     step: float  # time of one application of A [s]
 
     def __post_init__(self):
-        K = len(self.A)
-        if self.A.shape != (K, K) or self.B.shape != (K, 6) or self.C.shape != (6, K):
-            shapes = f"{self.A.shape}, {self.B.shape}, {self.C.shape}"
-            raise ValueError(
-                f"LiftedLinearSystem: A, B, C must be (K, K), (K, 6), (6, K); got {shapes}."
-            )
+        K, shapes = len(self.A), [matrix.shape for matrix in (self.A, self.B, self.C)]
+        require(
+            shapes == [(K, K), (K, 6), (6, K)],
+            f"LiftedLinearSystem: A, B, C must be (K, K), (K, 6), (6, K); got {shapes}.",
+        )
         require(self.step > 0, f"LiftedLinearSystem: step must be positive [s]; got {self.step}.")
 
     @property
@@ -135,8 +132,6 @@ class LiftedLinearSystem:
             stride >= 1 and int(stride) == stride,
             f"LiftedLinearSystem: stride must be a positive whole number; got {stride}.",
         )
-        if stride == 1:
-            return self
         # [[A, B], [0, 1]]^m = [[A^m, sum_(i<m) A^i B], [0, 1]], as zeta is held
         augmented = np.eye(self.K + 6)
         augmented[: self.K] = np.hstack([self.A, self.B])
@@ -145,38 +140,22 @@ class LiftedLinearSystem:
         return LiftedLinearSystem(A, B, self.C, self.step * stride)
 
 
-def advance(z: np.ndarray, A: np.ndarray, B: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-    """Return z (..., K) after the steps of `zeta`, from z (..., K).
-
-    Args:
-        z: (..., K) at the first of them.
-        A: (..., K, K), one for all or one each.
-        B: (..., K, 6), likewise.
-        zeta: (..., steps, 6) [m/s, rad/s].
-    """
-    for i in range(zeta.shape[-2]):
-        z = (A @ z[..., None] + B @ zeta[..., i, :, None])[..., 0]
-    return z
-
-
 @dc.dataclass(frozen=True)
 class Encoder:
     """Map from a window w of the last D samples of [chi, zeta], oldest first, to z.
 
-        eta = E w + offset,   z = skip eta + N(eta)
-        N(eta) = W^(L+1) relu(W^L … relu(W^1 eta))
+        z = W^(L+1) relu(W^L … relu(W^1 eta)),   eta = E w + offset
 
-    N is a multilayer perceptron without bias; without layers z is eta.
-    Source: Jin et al. 2025, eq. (dnn), of one sample of chi; window and skip are own choices.
+    A multilayer perceptron without bias; without layers z is eta.
+    Source: Jin et al. 2025, eq. (dnn), of one sample of chi; the window is an own choice.
     """
 
     E: np.ndarray  # (F, 12 D) per [N, N·m, m/s, rad/s]
     weights: tuple[np.ndarray, ...] = ()  # (out, in) matrices
     offset: np.ndarray | None = None  # (F,), None for zero
-    skip: bool = True
 
     def __post_init__(self):
-        F = width = len(self.E)
+        width = len(self.E)
         require(
             self.E.ndim == 2 and self.E.shape[1] % 12 == 0 and self.E.size,
             f"Encoder: E must be (F, 12 D); got {self.E.shape}.",
@@ -188,27 +167,21 @@ class Encoder:
             )
             width = len(W)
         require(
-            not self.skip or width == F,
-            f"Encoder: the last layer must have as many outputs as E, {F}; got {width}.",
-        )
-        require(
-            self.offset is None or self.offset.shape == (F,),
-            f"Encoder: offset must be ({F},), one a row of E.",
+            self.offset is None or self.offset.shape == self.E.shape[:1],
+            f"Encoder: offset must be ({len(self.E)},), one a row of E.",
         )
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Return the arrays that a model file holds, by name."""
-        arrays = {"E": self.E, "skip": np.array([float(self.skip)])}
-        arrays |= {f"W{i}": W for i, W in enumerate(self.weights)}
+        arrays = {"E": self.E} | {f"W{i}": W for i, W in enumerate(self.weights)}
         return arrays if self.offset is None else arrays | {"offset": self.offset}
 
     @classmethod
     def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "Encoder":
         """Return the encoder in the tensors of a model file; ValueError where they hold none."""
-        layers = range(sum(name.startswith("W") for name in tensors))
-        weights = tuple(tensors[f"W{i}"] for i in layers)
-        skip = bool(tensors["skip"].item())
-        return cls(tensors["E"], weights, tensors.get("offset"), skip)
+        layers = sum(name.startswith("W") for name in tensors)
+        weights = tuple(tensors[f"W{i}"] for i in range(layers))
+        return cls(tensors["E"], weights, tensors.get("offset"))
 
     @property
     def delay(self) -> int:
@@ -222,16 +195,12 @@ class Encoder:
 
     def __call__(self, window: np.ndarray) -> np.ndarray:
         """Return z (..., K) of a window (..., D, 12) [N, N·m, m/s, rad/s]."""
-        eta = window.reshape(window.shape[:-2] + (-1,)) @ self.E.T
+        z = window.reshape(window.shape[:-2] + (-1,)) @ self.E.T
         if self.offset is not None:
-            eta = eta + self.offset
-        if not self.weights:
-            return eta
-        z = eta
+            z = z + self.offset
         for W in self.weights[:-1]:
             z = np.maximum(z @ W.T, 0.0)
-        z = z @ self.weights[-1].T
-        return eta + z if self.skip else z
+        return z @ self.weights[-1].T if self.weights else z
 
 
 @dc.dataclass(frozen=True)
@@ -256,12 +225,10 @@ class Taps:
             "Taps: must have 1 <= dense <= delay and 0 <= averages <= delay - dense; "
             f"got {dense}, {averages}, {delay}.",
         )
-        rows = list(np.eye(delay)[::-1][:dense])
+        rows, ages = list(np.eye(delay)[::-1][:dense]), np.arange(delay)[::-1]
         edges = _edges(dense, delay, averages) if averages else np.zeros(0, int)
         for near, far in itertools.pairwise(edges):
-            row = np.zeros(delay)
-            row[delay - far : delay - near] = 1.0 / (far - near)
-            rows.append(row)
+            rows.append(((near <= ages) & (ages < far)) / (far - near))
         return cls(np.array(rows))
 
     @classmethod
@@ -363,12 +330,15 @@ class Trust:
         power = memory["trust/power"] + _products(p, q, p)[[0, 2]]
         lifted = memory["trust/lifted"] + 1.0
         a, b = self._weights(memory["trust/sums"], power / lifted[0])
-        row = np.concatenate([z, chi, mean])
-        ring = np.concatenate([memory["trust/ring"][1:], row[None]])
+        ring = np.vstack([memory["trust/ring"][1:], np.concatenate([z, chi, mean])])
         wanted = base + a[:, OF_CHANNEL] * p + b[:, OF_CHANNEL] * q
         corrected = z + np.einsum("khc,hc->k", self.projector, wanted - forecast)
-        kept = {"trust/power": power, "trust/lifted": lifted, "trust/ring": ring}
-        return {**found, **kept, "z": corrected}
+        return found | {
+            "trust/power": power,
+            "trust/lifted": lifted,
+            "trust/ring": ring,
+            "z": corrected,
+        }
 
     def _verified(self, memory: Memory, chi: np.ndarray) -> Memory:
         """Return totals after one more label (6,), with the forecasts that it verifies added to

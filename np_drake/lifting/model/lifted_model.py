@@ -27,8 +27,6 @@ class LiftedModel:
 
     refit: samples that A and B are fitted to in flight, about those of `system`; 0 for no refit.
     ridge: precision of `system` as the prior of a refit [samples of unit size].
-    late: samples by which labels lag behind the wrench; z is lifted at the time of the newest label
-        and taken to the present by the zeta since.
     trust: correction of z in flight by the outcome of earlier forecasts; None for none.
     """
 
@@ -43,11 +41,14 @@ class LiftedModel:
     )  # key figures of the training, for people
     refit: int = 0
     ridge: float = 0.0
-    late: int = 0
     trust: Trust | None = None
 
     def __post_init__(self):
-        require_configuration(self.configuration)
+        require(
+            self.configuration in CONFIGURATIONS,
+            f"configuration must be {' | '.join(CONFIGURATIONS)}; got {self.configuration}. "
+            "Train again.",
+        )
         require(
             self.encoder.K == self.system.K,
             f"LiftedModel: encoder and system must agree on K; got {self.encoder.K} and "
@@ -62,47 +63,22 @@ class LiftedModel:
     @property
     def window(self) -> int:
         """Samples from which the first forecast is made."""
-        return self.encoder.delay + self.late
+        return self.encoder.delay
 
     @property
     def step(self) -> float:
         """Time between samples [s]."""
         return self.system.step
 
-    def in_time(self, window: np.ndarray) -> np.ndarray:
-        """Return samples (..., n - late, 12) of a window (..., n, 12), each label beside the zeta
-        of its own time.
-        """
-        n = window.shape[-2] - self.late
-        return np.concatenate([window[..., self.late :, :6], window[..., :n, 6:]], axis=-1)
-
-    def since_label(self, window: np.ndarray) -> np.ndarray:
-        """Return the zeta (..., late, 6) from the time of the newest label on, of samples (..., n,
-        12).
-        """
-        n = window.shape[-2]
-        return window[..., n - 1 - self.late : n - 1, 6:]
-
 
 Predictor = LiftedModel | LpvModel  # of any configuration
-
-
-def require_configuration(name: str) -> None:
-    """Check that a configuration of that name exists.
-
-    Raises: ValueError: if there is none.
-    """
-    require(
-        name in CONFIGURATIONS,
-        f"configuration must be {' | '.join(CONFIGURATIONS)}; got {name}. Train again.",
-    )
 
 
 # What a header may hold, own choice: beyond it a file is damaged.
 LONGEST, LARGEST_RIDGE = 10_000, 1e12
 
 
-SCHEMA = "np_drake.lifted_model/2"  # format of the file and its version
+SCHEMA = "np_drake.lifted_model/3"  # format of the file and its version
 
 
 def save_model(model: Predictor, path: str | Path) -> None:
@@ -129,7 +105,6 @@ def save_model(model: Predictor, path: str | Path) -> None:
         "step": s.step,
         "refit": model.refit,
         "ridge": model.ridge,
-        "late": model.late,
         "summary": model.summary,
     }
     write_model(tensors, SCHEMA, header, path)
@@ -146,24 +121,21 @@ def load_model(path: str | Path) -> Predictor:
 
 
 def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
-    configuration = str(header["configuration"])
-    require_configuration(configuration)
     system = LiftedLinearSystem(
         tensors["A"], tensors["B"], tensors["C"], number_in(header, "step", *STEPS)
     )
-    if system.spectral_radius > 1.0 + 1e-9:
-        raise ValueError(f"A must be stable; its spectral radius is {system.spectral_radius:.6g}.")
+    radius = system.spectral_radius
+    require(radius <= 1.0 + 1e-9, f"A must be stable; its spectral radius is {radius:.6g}.")
     scale = tensors["zeta_scale"]
     require(scale.shape == (6,) and np.all(scale > 0), "zeta_scale must be six positive numbers.")
     return LiftedModel(
-        configuration,
+        header["configuration"],
         system,
         Encoder.from_tensors(tensors),
         scale,
         summary_in(header),
         refit=int(number_in(header, "refit", 0, LONGEST)),
         ridge=number_in(header, "ridge", 0.0, LARGEST_RIDGE),
-        late=int(number_in(header, "late", 0, LONGEST)),
         trust=_trust(tensors, system.K),
     )
 

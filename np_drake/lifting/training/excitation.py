@@ -22,6 +22,7 @@ def turns(zeta: np.ndarray) -> list[np.ndarray]:
     return images + [image * mirror for image in images]
 
 
+TURNS = np.array(turns(np.eye(6)))  # (8, 6, 6): row vectors chi and zeta times it are their images
 CHANNELS = ("vx", "vy", "vz", "wx", "wy", "wz")
 AVERAGE = (
     8  # samples averaged before motion is compared with noise: dynamics are slower than noise [1]
@@ -39,8 +40,7 @@ def excitation(segments: list[Segment]) -> str:
     zeta = [segment.zeta for segment in segments]
     sigma = np.hypot(
         white_noise(zeta) / np.sqrt(AVERAGE), RELEVANT * group_scale(zeta, centred=True)
-    )
-    sigma = np.maximum(sigma, 1e-9)
+    ).clip(1e-9)
     smooth = np.concatenate(
         [scipy.ndimage.uniform_filter1d(piece, AVERAGE, axis=0) for piece in zeta]
     )

@@ -15,7 +15,6 @@ can do; E is the closest to it.       Source: own choice; the two steps of subsp
 """
 
 import dataclasses as dc
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,11 +23,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Taps, Trust
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.excitation import excitation, turns
+from np_drake.lifting.training.excitation import TURNS, excitation
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 GROUPS = (slice(0, 3), slice(3, 6))  # force, torque
-TURNS = tuple(turns(np.eye(6)))  # (6, 6) each: row vectors chi and zeta times it are their images
 NOW = 100.0  # power at horizon 0, where nothing is to be forecast, in units of that one step ahead
 CONSTANT = 1e-9  # ridge of the constant feature, whose own power is 1
 
@@ -77,8 +75,7 @@ def flight_moments(
     change = np.mean((Y - samples[origins, None, :6]) ** 2, axis=0)
     power = np.minimum(_grouped(change), _grouped(np.var(Y, axis=0)))
     power[horizons == 0] = NOW * power[horizons > 0].min(axis=0)
-    if symmetry > 0:
-        gram, cross = symmetrised(gram, cross, symmetry)
+    gram, cross = symmetrised(gram, cross, symmetry)
     return Moments(gram, cross, np.mean(Y**2, axis=0), np.maximum(power, 1e-12))
 
 
@@ -103,8 +100,7 @@ def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
     """
     p, H, _ = flights[0].cross.shape
     W = np.empty((p, H, 6))
-    ridge = np.full(p, noise**2)
-    ridge[-1] = CONSTANT
+    ridge = np.diag(np.append(np.full(p - 1, noise**2), CONSTANT))
     for h in range(H):
         for k, group in enumerate(GROUPS):
             weight = np.array([1.0 / flight.power[h, k] for flight in flights])
@@ -114,7 +110,7 @@ def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
                 w * flight.cross[:, h, group] for w, flight in zip(weight, flights, strict=True)
             )
             # Ridge: (sum_f w_f G_f + diag(noise²)) W_h = sum_f w_f X_f'Y_f
-            W[:, h, group] = np.linalg.solve(gram + np.diag(ridge), cross)
+            W[:, h, group] = np.linalg.solve(gram + ridge, cross)
     return W
 
 
@@ -145,31 +141,17 @@ def _grouped(square: np.ndarray) -> np.ndarray:
 class ModeDictionary:
     """Decaying modes of each channel of chi."""
 
-    poles: tuple[np.ndarray, ...]  # six arrays, one a channel of chi, each lambda in (0, 1) [1]
-
-    @property
-    def K(self) -> int:
-        """Number of modes over all channels."""
-        return sum(map(len, self.poles))
+    poles: np.ndarray  # (K,) lambda of each, in (0, 1) [1]
+    channel: np.ndarray  # (K,) that each belongs to
 
     @property
     def C(self) -> np.ndarray:
         """Output matrix that sums each channel's modes, (6, K)."""
-        C = np.zeros((6, self.K))
-        for channel, place in enumerate(self.places):
-            C[channel, place] = 1.0
-        return C
-
-    @property
-    def places(self) -> list[slice]:
-        """Slices of each channel's modes in z."""
-        ends = np.cumsum([0] + [len(p) for p in self.poles])
-        return [slice(a, b) for a, b in itertools.pairwise(ends)]
+        return (self.channel == np.arange(6)[:, None]).astype(float)
 
     def readout(self, horizons: np.ndarray) -> np.ndarray:
         """Return C A^h for every horizon, (H, 6, K)."""
-        powers = np.concatenate(self.poles)[None] ** horizons[:, None]
-        return self.C[None] * powers[:, None]
+        return self.C * (self.poles ** horizons[:, None])[:, None]
 
     def projector(
         self, horizons: np.ndarray, weights: np.ndarray, *, ridge: float = 1e-8
@@ -184,14 +166,14 @@ class ModeDictionary:
             weights: (H, 2) of the errors of force and torque at each.
             ridge: relative to the mean power [1].
         """
-        out = np.zeros((self.K, len(horizons), 6))
-        for channel, (place, poles) in enumerate(zip(self.places, self.poles, strict=True)):
-            weight = weights[:, [channel in range(*g.indices(6)) for g in GROUPS].index(True)]
-            basis = poles[None] ** horizons[:, None] * weight[:, None]
+        out = np.zeros((len(self.poles), len(horizons), 6))
+        for channel in range(6):
+            modes, weight = self.channel == channel, weights[:, channel // 3]
+            basis = self.poles[modes] ** horizons[:, None] * weight[:, None]
             # Least squares of a trajectory on lambda^h, weighted: (V'V + ridge) z = V' w chi
             normal = basis.T @ basis
             normal[np.diag_indices(len(normal))] += ridge * np.trace(normal) / len(normal)
-            out[place, :, channel] = np.linalg.solve(normal, basis.T * weight)
+            out[modes, :, channel] = np.linalg.solve(normal, basis.T * weight)
         return out
 
 
@@ -204,7 +186,8 @@ def time_constants(
     """
     f = np.exp(-1.0 / np.append(force, level))
     t = np.exp(-1.0 / np.asarray(torque, float))
-    return ModeDictionary((f, f, f, t, t, t))
+    poles = [f, f, f, t, t, t]
+    return ModeDictionary(np.concatenate(poles), np.repeat(np.arange(6), [len(p) for p in poles]))
 
 
 LEVEL_MEMORY = 200.0  # time constant of what is held [s]
@@ -289,19 +272,19 @@ def train_mode_dictionary(
     loss = float(np.mean([relative_error(flight, fitted) for flight in flights]))
     on_epoch(len(segments) + 1, len(segments) + 1, loss)
     model = _assemble(config, modes, encoder, projector, scale, step, segments)
-    summary = {"samples": sum(map(len, segments)), "loss": {"all": loss}}
-    summary["excitation"] = excitation(segments)
+    summary = {
+        "samples": sum(map(len, segments)),
+        "loss": {"all": loss},
+        "excitation": excitation(segments),
+    }
     return dc.replace(model, summary=summary), [loss]
 
 
 def _assemble(config, modes, encoder, projector, scale, step, segments) -> LiftedModel:
     """Return the model in physical units."""
-    channel = np.concatenate([[c] * len(p) for c, p in enumerate(modes.poles)])
-    unit = scale[channel]  # of each amplitude [N, N·m]
-    E = config.taps.expand(encoder[:, :-1] * unit[:, None], 12)
-    E /= np.tile(scale, config.delay)
-    A, B = np.diag(np.concatenate(modes.poles)), np.zeros((modes.K, 6))
-    system = LiftedLinearSystem(A, B, modes.C, step)
+    unit = scale[modes.channel]  # of each amplitude [N, N·m]
+    E = config.taps.expand(encoder[:, :-1] * unit[:, None], 12) / np.tile(scale, config.delay)
+    system = LiftedLinearSystem(np.diag(modes.poles), np.zeros((len(unit), 6)), modes.C, step)
     ahead = config.grid > 0
     trust = Trust(
         config.grid[ahead],

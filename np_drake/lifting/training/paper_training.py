@@ -16,14 +16,14 @@ and effects):
   discounts the prediction step: mean over j of mu^j |z_j - z_hat_j|².
 - Samples enter Phi over one scale for force, torque, v and omega each; gamma is the Lipschitz
   constant there.
-- A causal label lags behind its zero-phase target: each label stands beside the zeta of its own
-  time, in training and in flight.
 - Every window is turned by quarter turns about the vertical or mirrored: a circle in one direction
   locks force and velocity in a relation that no other flight has.
 """
 
 import dataclasses as dc
 import itertools
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import torch
@@ -38,7 +38,7 @@ from np_drake.lifting.model.lifted_linear_system import (
 )
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.excitation import excitation, turns
+from np_drake.lifting.training.excitation import TURNS, excitation
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 # Of the samples that Phi sees, the newest 0, half a second in all at 50 Hz; own choice: a swing of
@@ -69,8 +69,8 @@ class PhiModule(nn.Module):
         super().__init__()
         generator = torch.Generator().manual_seed(seed)
         sizes = [start.shape[1], *[width] * layers, K]
-        raw = _initial_weights(torch.from_numpy(start), sizes, generator)
-        self.raw = nn.ParameterList(map(nn.Parameter, raw))
+        weights = _initial_weights(torch.from_numpy(start), sizes, generator)
+        self.raw = nn.ParameterList(map(nn.Parameter, weights))
         self._layer_gain = gamma ** (1.0 / len(self.raw))
 
     def weights(self) -> list[torch.Tensor]:
@@ -79,18 +79,14 @@ class PhiModule(nn.Module):
 
     def forward(self, samples: torch.Tensor) -> torch.Tensor:
         """Return z (..., K) of samples (..., inputs), scaled."""
-        return perceptron(samples, self.weights())
+        *hidden, last = self.weights()
+        for W in hidden:
+            samples = torch.relu(samples @ W.T)
+        return samples @ last.T
 
     def export(self) -> tuple[np.ndarray, ...]:
         """Return the weights in numpy."""
         return tuple(W.detach().numpy() for W in self.weights())
-
-
-def perceptron(value: torch.Tensor, weights: list[torch.Tensor]) -> torch.Tensor:
-    """Return W^(L+1) relu(W^L … relu(W^1 value)) of values (..., inputs)."""
-    for W in weights[:-1]:
-        value = torch.relu(value @ W.T)
-    return value @ weights[-1].T
 
 
 def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
@@ -104,13 +100,43 @@ def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
     return W * (gain / (U[:, 0] @ W @ Vh[0]))
 
 
-def descend_once(optimiser: torch.optim.Optimizer, loss: torch.Tensor) -> None:
-    """Take one step of gradient descent, no longer than 1 in all parameters together."""
-    optimiser.zero_grad()
-    loss.backward()
-    parameters = [value for group in optimiser.param_groups for value in group["params"]]
-    torch.nn.utils.clip_grad_norm_(parameters, 1.0)
-    optimiser.step()
+def descend(
+    optimiser: torch.optim.Optimizer,
+    loss: Callable[[torch.Tensor], torch.Tensor],
+    count: int,
+    config: Any,
+    *,
+    on_epoch: OnEpoch,
+    before_epoch: Callable[[], None] = lambda: None,
+) -> list[float]:
+    """Return the mean loss of each epoch, one pass over the windows in an order drawn from (seed,
+    epoch); a step is no longer than 1 in all parameters together.
+
+    Args:
+        optimiser: its rate falls to a tenth along a cosine.
+        loss: of the windows of these numbers.
+        count: of windows.
+        config: with epochs, batch, learning_rate and seed.
+    """
+    rate = torch.optim.lr_scheduler.CosineAnnealingLR(
+        optimiser, max(config.epochs, 1), config.learning_rate / 10
+    )
+    history = list[float]()
+    for epoch in range(config.epochs):
+        before_epoch()
+        order = torch.from_numpy(np.random.default_rng([config.seed, epoch]).permutation(count))
+        losses = []
+        for rows in order.split(config.batch):
+            optimiser.zero_grad()
+            error = loss(rows)
+            error.backward()
+            torch.nn.utils.clip_grad_norm_(optimiser.param_groups[0]["params"], 1.0)
+            optimiser.step()
+            losses.append(error.item())
+        rate.step()
+        history.append(float(np.mean(losses)))
+        on_epoch(epoch + 1, config.epochs, history[-1])
+    return history
 
 
 def _initial_weights(
@@ -192,7 +218,7 @@ def window_fit(
     X: torch.Tensor, Y: torch.Tensor, prior: torch.Tensor, ridge: float
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Return A' (b, K, K), stable, and B' (b, 6, K) of each window: the posterior mean, as
-    `WindowRefit` has it.
+    `window_refit` has it.
 
     Args:
         X: (b, T, K + 6) regressors.
@@ -247,24 +273,16 @@ class PaperConfig:
 
 
 class PaperTrainer:
-    """State of one training run: Phi, C, priors, optimiser, epoch."""
+    """Phi, C and their priors, with the windows that they are trained on."""
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
-        self.config, self.late = config, max((segment.late for segment in segments), default=0)
-        before = config.lags[-1]  # samples that Phi sees before a window
-        segments = check_segments(segments, config.window + before + self.late)
-        segments = [segment.in_time for segment in segments]
-        self.step = float(np.median([segment.step for segment in segments]))
-        self.samples = sum(map(len, segments))
+        self.config, before = config, config.lags[-1]  # samples that Phi sees before a window
         chi, zeta = [segment.chi for segment in segments], [segment.zeta for segment in segments]
-        scales = [group_scale(values, centred=False) for values in (chi, zeta)]
-        self.chi_scale, self.zeta_scale = scales
-        self.excitation = excitation(segments)
-        windows = _windows(segments, config) / np.concatenate(scales)
-        late = windows[:, before:]
+        self.scale = np.concatenate([group_scale(of, centred=False) for of in (chi, zeta)])
+        windows = _windows(segments, config) / self.scale
         lagged = [windows[:, before - lag : windows.shape[1] - lag] for lag in config.lags]
         self._samples = torch.from_numpy(np.concatenate(lagged, axis=-1))
-        self._chi, self._zeta = torch.from_numpy(late[..., :6]), torch.from_numpy(late[..., 6:])
+        self.chi, self._zeta = torch.from_numpy(lagged[0]).split(6, dim=-1)
         self.phi = PhiModule(
             start=_start(lagged, config.size),
             K=config.size,
@@ -273,119 +291,106 @@ class PaperTrainer:
             gamma=config.gamma,
             seed=config.seed,
         )
-        self.C = nn.Parameter(torch.zeros(6, config.size, dtype=torch.float64))
         with torch.no_grad():
-            self.C.copy_(self._best_readout(self.phi(self._samples)))
-        self.optimiser = torch.optim.Adam([*self.phi.raw, self.C], lr=config.learning_rate)
-        self._rate = torch.optim.lr_scheduler.CosineAnnealingLR(
-            self.optimiser, max(config.epochs, 1), config.learning_rate / 10
-        )
-        self.epoch, self.history = 0, list[float]()
+            self.C = nn.Parameter(self._best_readout())
 
-    def run_epoch(self) -> float:
-        """Make one pass over the windows in an order drawn from (seed, epoch) and return the mean
-        loss.
-        """
-        order = np.random.default_rng([self.config.seed, self.epoch]).permutation(len(self._chi))
-        losses = []
-        self._fit_priors()
-        for batch in torch.from_numpy(order).split(self.config.batch):
-            loss = self.loss(self._samples[batch], self._chi[batch], self._zeta[batch])
-            descend_once(self.optimiser, loss)
-            losses.append(loss.item())
-        self._rate.step()
-        self.epoch += 1
-        self.history.append(float(np.mean(losses)))
-        return self.history[-1]
+    def loss(self, rows: torch.Tensor) -> torch.Tensor:
+        """Return beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of a batch of windows."""
+        z, zeta, (b1, b2, b3) = self.phi(self._samples[rows]), self._zeta[rows], self.config.beta
+        reconstruction = ((self.chi[rows] - z @ self.C.T) ** 2).mean()
+        forward = rollout_error(z, zeta, self.forward_prior, self.config.mu, backward=False)
+        backward = rollout_error(z, zeta, self.backward_prior, self.config.mu, backward=True)
+        return b1 * forward + b2 * backward + b3 * reconstruction
 
-    def loss(self, samples: torch.Tensor, chi: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
-        """Return beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of a batch of windows.
-
-        Args:
-            samples: (b, W, inputs) that Phi sees, scaled.
-            chi: (b, W, 6), scaled.
-            zeta: (b, W, 6), scaled.
-        """
-        z = self.phi(samples)
-        reconstruction = ((chi - z @ self.C.T) ** 2).mean()
-        forward = self._rollout_error(z, zeta, self.forward_prior, backward=False)
-        backward = self._rollout_error(z, zeta, self.backward_prior, backward=True)
-        b = self.config.beta
-        return b[0] * forward + b[1] * backward + b[2] * reconstruction
-
-    def model(self) -> LiftedModel:
+    def model(self, step: float) -> LiftedModel:
         """Return the trained model, with C as the least-squares readout of the final Phi, as
         L_recons asks for.
+
+        Args:
+            step: between samples [s].
         """
-        self._fit_priors()
-        A, B = self.forward_prior[: self.config.size], self.forward_prior[self.config.size :]
+        self.fit_priors()
+        A, B = np.split(self.forward_prior.numpy().T, [self.config.size], axis=1)
         with torch.no_grad():
-            C = self._best_readout(self.phi(self._samples)).numpy() * self.chi_scale[:, None]
-        system = LiftedLinearSystem(A.numpy().T, B.numpy().T / self.zeta_scale, C, self.step)
-        lags = self.config.lags
-        scale = np.tile(np.concatenate([self.chi_scale, self.zeta_scale]), len(lags))
-        picked = Taps.at_lags(lags).expand(np.diag(1.0 / scale), 12)
-        summary = {
-            "samples": self.samples,
-            "epochs": self.epoch,
-            "loss": self.history[-1] if self.history else None,
-            "gamma": self.config.gamma,
-            "excitation": self.excitation,
-        }
+            C = self._best_readout().numpy() * self.scale[:6, None]
+        unscaled = np.diag(1.0 / np.tile(self.scale, len(self.config.lags)))
         return LiftedModel(
             PAPER,
-            system,
-            Encoder(picked, self.phi.export(), skip=False),
-            self.zeta_scale,
-            summary,
+            LiftedLinearSystem(A, B / self.scale[6:], C, step),
+            Encoder(Taps.at_lags(self.config.lags).expand(unscaled, 12), self.phi.export()),
+            self.scale[6:],
             refit=self.config.window,
             ridge=RIDGE,
-            late=self.late,
         )
 
-    def _fit_priors(self) -> None:
-        """Fit the priors of this epoch with the present Phi."""
+    def fit_priors(self) -> None:
+        """Fit the priors [A_0 B_0]' (K + 6, K) over all windows with the present Phi, A stable."""
         with torch.no_grad():
             z = self.phi(self._samples)
-            self.forward_prior, self.backward_prior = self._prior(z), self._prior(z, backward=True)
+        self.forward_prior, self.backward_prior = (
+            _prior(*regression(z, self._zeta, backward=backward)) for backward in (False, True)
+        )
 
-    def _prior(self, z: torch.Tensor, *, backward: bool = False) -> torch.Tensor:
-        """Return [A_0 B_0]' (K + 6, K) over all windows, with A stable."""
-        X, Y = regression(z, self._zeta, backward=backward)
-        fit, K = global_fit(X, Y), Y.shape[-1]
-        return torch.cat([stable(fit[:K]), fit[K:]])
-
-    def _best_readout(self, z: torch.Tensor) -> torch.Tensor:
+    def _best_readout(self) -> torch.Tensor:
         """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean
         power, (6, K).
         """
-        return global_fit(z, self._chi, 1e-6).T
+        return global_fit(self.phi(self._samples), self.chi, 1e-6).T
 
-    def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
-        """Return the discounted mean square of the multi-step error in z, with each window's own A
-        and B.
-        """
-        X, Y = regression(z, zeta, backward=backward)
-        A, B = window_fit(X, Y, prior, RIDGE)
-        drive = X[..., z.shape[-1] :] @ B
-        course = z.flip(1) if backward else z
-        drive = drive.flip(1) if backward else drive
-        state, error = course[:, 0], torch.zeros((), dtype=z.dtype)
-        for j in range(drive.shape[1]):
-            state = torch.baddbmm(drive[:, j, None], state[:, None], A)[:, 0]
-            error = error + self.config.mu ** (j + 1) * ((state - course[:, j + 1]) ** 2).mean()
-        return error / drive.shape[1]
+
+def _prior(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
+    fit, K = global_fit(X, Y), Y.shape[-1]
+    return torch.cat([stable(fit[:K]), fit[K:]])
+
+
+def rollout_error(
+    z: torch.Tensor, zeta: torch.Tensor, prior: torch.Tensor, mu: float, *, backward: bool
+) -> torch.Tensor:
+    """Return the discounted mean square of the multi-step error in z, with each window's own A and
+    B.
+
+    Args:
+        z: (b, W, K).
+        zeta: (b, W, 6), scaled.
+        prior: (K + 6, K) of that direction of time.
+        mu: discount of a step [1].
+    """
+    X, Y = regression(z, zeta, backward=backward)
+    A, B = window_fit(X, Y, prior, RIDGE)
+    drive = X[..., z.shape[-1] :] @ B
+    if backward:
+        z, drive = z.flip(1), drive.flip(1)
+    state, error = z[:, 0], torch.zeros((), dtype=z.dtype)
+    for j in range(drive.shape[1]):
+        state = torch.baddbmm(drive[:, j, None], state[:, None], A)[:, 0]
+        error = error + mu ** (j + 1) * ((state - z[:, j + 1]) ** 2).mean()
+    return error / drive.shape[1]
 
 
 def train_paper(
     segments: list[Segment], config: PaperConfig, on_epoch: OnEpoch
 ) -> tuple[LiftedModel, list[float]]:
     """Return (model, loss after each epoch)."""
+    segments = check_segments(segments, config.window + config.lags[-1])
     trainer = PaperTrainer(segments, config)
-    while trainer.epoch < config.epochs:
-        loss = trainer.run_epoch()
-        on_epoch(trainer.epoch, config.epochs, loss)
-    return trainer.model(), trainer.history
+    optimiser = torch.optim.Adam([*trainer.phi.raw, trainer.C], lr=config.learning_rate)
+    history = descend(
+        optimiser,
+        trainer.loss,
+        len(trainer.chi),
+        config,
+        on_epoch=on_epoch,
+        before_epoch=trainer.fit_priors,
+    )
+    model = trainer.model(float(np.median([segment.step for segment in segments])))
+    summary = {
+        "samples": sum(map(len, segments)),
+        "epochs": config.epochs,
+        "loss": history[-1] if history else None,
+        "gamma": config.gamma,
+        "excitation": excitation(segments),
+    }
+    return dc.replace(model, summary=summary), history
 
 
 def _windows(segments: list[Segment], config: PaperConfig) -> np.ndarray:
@@ -399,12 +404,11 @@ def _windows(segments: list[Segment], config: PaperConfig) -> np.ndarray:
     starts = starts[:: max(1, -(-len(starts) // config.max_windows))]
     windows = np.stack([samples[k : k + length] for samples, k in starts])
     if config.symmetric:
-        image = IMAGES[np.random.default_rng(config.seed).integers(8, size=len(starts))]
-        windows = windows @ image
+        windows = windows @ IMAGES[np.random.default_rng(config.seed).integers(8, size=len(starts))]
     return windows
 
 
-IMAGES = np.kron(np.eye(2), np.array(turns(np.eye(6))))  # (8, 12, 12) of rows [chi, zeta]
+IMAGES = np.kron(np.eye(2), TURNS)  # (8, 12, 12) of rows [chi, zeta]
 
 
 def _start(lagged: list[np.ndarray], count: int) -> np.ndarray:
@@ -413,6 +417,5 @@ def _start(lagged: list[np.ndarray], count: int) -> np.ndarray:
     """
     past, now = np.concatenate([one[:, 0] for one in lagged], axis=-1), lagged[0]
     drive, future = now[:, :-1, 6:], now[:, 1:, :6]
-    n = len(now)
-    found = foreseeing(past, drive.reshape(n, -1), future.reshape(n, -1), count)
+    found = foreseeing(past, drive.reshape(len(now), -1), future.reshape(len(now), -1), count)
     return np.linalg.qr(found.T)[0].T

@@ -15,9 +15,8 @@ from np_drake.training_data.segments import Segment
 
 C = TypeVar("C")
 Config = ModeDictionaryConfig | NeuralLpvConfig | PaperConfig
-DEFAULT_CONFIG = PaperConfig()
 CONFIGURATIONS: dict[str, Config] = {
-    PAPER: DEFAULT_CONFIG,
+    PAPER: PaperConfig(),
     NEURAL_LPV: NeuralLpvConfig(),
     MODE_DICTIONARY: ModeDictionaryConfig(),
 }
@@ -34,7 +33,7 @@ class TrainingResult:
 
 
 def train(
-    segments: list[Segment], config: Config = DEFAULT_CONFIG, *, on_epoch: OnEpoch = lambda *_: None
+    segments: list[Segment], config: Config, *, on_epoch: OnEpoch = lambda *_: None
 ) -> TrainingResult:
     """Train the configuration that `config` belongs to; deterministic by `config.seed`.
 
@@ -67,10 +66,9 @@ def make_config(
         frame == needed,
         f"train: {configuration} needs wrenches in {needed} axes; these are in {frame} axes.",
     )
-    names = {field.name for field in dc.fields(CONFIGURATIONS.get(configuration, DEFAULT_CONFIG))}
     if configuration == PAPER and frame == "body":
         settings = IN_BODY_AXES | settings
-    if epochs is not None and "epochs" in names:
+    if epochs is not None and hasattr(CONFIGURATIONS.get(configuration), "epochs"):
         settings["epochs"] = epochs
     return configured(CONFIGURATIONS, configuration, settings)
 

@@ -25,12 +25,6 @@ from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle, load_vehicle
 
 GRAVITY = 9.81  # [m/s²]; the CSV's hover reading of specific force
-AGILE = (  # flights that excite the aerodynamics
-    "2021-02-18-16-43-54_seg_3",
-    "2021-02-18-17-19-08_seg_2",
-    "2021-02-23-10-48-03_seg_2",
-    "2021-02-23-11-41-38_seg_3",
-)
 FIRST_COLUMNS = "t,ang acc x,"  # how such a CSV begins
 _AXES = "xyz"
 SOURCE_COLUMNS: dict[str, tuple[str, ...]] = {

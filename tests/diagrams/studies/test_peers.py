@@ -6,7 +6,7 @@ import importlib.util
 import numpy as np
 import pytest
 
-from diagrams.studies.acados_peer import FOLDER, AcadosSolver
+from diagrams.studies.bench import FOLDER, AcadosSolver
 from np_drake.mpc.controller import shift
 from np_drake.mpc.sqp import SqpSolver
 

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 import torch
 
+from np_drake.flight_log import FlightLog
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.residual_models.predictor_training import KnodeConfig, Piece, _Nominal, fit_knode
+from np_drake.residual_models.predictor_training import KnodeConfig, fit_knode, rollout
 from np_drake.vehicle import Vehicle
 
 VEHICLE, STEP = Vehicle(), 0.02
@@ -15,7 +16,7 @@ def dragged(zeta: np.ndarray) -> np.ndarray:
     return np.concatenate([[0, 0, -2.5] - 0.3 * zeta[..., :3], -0.01 * zeta[..., 3:]], axis=-1)
 
 
-def flown(seed: int, n: int = 4) -> Piece:
+def flown(seed: int, n: int = 4) -> FlightLog:
     """A short flight under random commands, the wrench renewed eight times a step."""
     rng = np.random.default_rng(seed)
     fine = DiscreteDynamics(VEHICLE, STEP / 8)
@@ -26,26 +27,19 @@ def flown(seed: int, n: int = 4) -> Piece:
         for _ in range(8):
             x = np.array(fine.advance(x.tolist(), u.tolist(), dragged(x[7:13]).tolist()))
         rows.append(x)
-    return Piece(np.array(rows), commands, STEP)
+    return FlightLog(STEP * np.arange(n), *np.split(np.array(rows), [3, 7, 10], axis=1), commands)
 
 
 @pytest.fixture(scope="module")
-def pieces():
+def logs():
     return [flown(seed) for seed in range(240)]
 
 
-def test_the_ode_is_the_one_that_the_controller_plans_with(pieces):
+def test_the_ode_is_the_one_that_the_controller_plans_with(logs):
     chi = np.array([0.3, -0.2, -2.0, 0.01, 0.02, -0.01])
-    x, u = pieces[0].x[0], pieces[0].u
-    zeta = (
-        _Nominal(VEHICLE, STEP)
-        .rollout(
-            torch.from_numpy(x)[None],
-            torch.from_numpy(u)[None],
-            lambda z: torch.from_numpy(chi).expand(len(z), 6),
-        )[0]
-        .numpy()
-    )
+    x, u = logs[0].x[0], logs[0].u
+    start, commands = torch.from_numpy(x)[None], torch.from_numpy(u)[None]
+    zeta = rollout(VEHICLE, STEP, start, commands, lambda _: torch.from_numpy(chi)[None])[0].numpy()
     dynamics = DiscreteDynamics(VEHICLE, STEP)
     for command, expected in zip(u, zeta, strict=True):
         x = np.array(dynamics.advance(x.tolist(), command.tolist(), chi.tolist()))
@@ -53,8 +47,8 @@ def test_the_ode_is_the_one_that_the_controller_plans_with(pieces):
 
 
 @pytest.fixture(scope="module")
-def trained(pieces):
-    return fit_knode(pieces, VEHICLE, SMALL)
+def trained(logs):
+    return fit_knode(logs, VEHICLE, SMALL)
 
 
 def test_a_known_linear_drag_is_recovered_from_motion_alone(trained):

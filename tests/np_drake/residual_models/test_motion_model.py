@@ -48,6 +48,6 @@ def test_the_jacobian_is_that_of_finite_differences(dut):
 def test_the_file_gives_the_model_back(dut, tmp_path):
     path = tmp_path / "model.safetensors"
     dut.save(path)
-    found, zeta = MotionModel.load(path, dut.name), RNG.normal(size=(4, 6))
+    found, zeta = MotionModel.load(path), RNG.normal(size=(4, 6))
     assert (found.name, found.step, found.summary) == (dut.name, dut.step, dut.summary)
     np.testing.assert_array_equal(found.reaction(zeta), dut.reaction(zeta))

@@ -31,7 +31,7 @@ def paper_model() -> LiftedModel:
     """z = chi of the last of D samples, through Phi with relu(chi) - relu(-chi)."""
     weights = (np.vstack([np.eye(6), -np.eye(6)]), np.hstack([np.eye(6), -np.eye(6)]))
     model = last_sample_model()
-    encoder = Encoder(model.encoder.E, weights, skip=False)
+    encoder = Encoder(model.encoder.E, weights)
     return dc.replace(model, configuration=PAPER, encoder=encoder, refit=40, ridge=1.0)
 
 
@@ -151,14 +151,3 @@ def test_what_flies_is_the_batch_solution_of_the_last_window():
     expected = np.linalg.lstsq(X, np.vstack([z[1:], prior]), rcond=None)[0].T
     np.testing.assert_allclose(np.hstack([memory["A"], memory["B"]]), expected, atol=1e-10)
     np.testing.assert_allclose(memory["z"], z[-1], atol=1e-12)
-
-
-@pytest.mark.parametrize("late", [1, 3])
-def test_a_label_that_is_late_gives_the_wrench_of_now(late):
-    """Labels of an exact lifted linear system come late, one of them not at all."""
-    dut = LiftedPredictor(dc.replace(paper_model(), late=late))
-    now = sequence(60)
-    late_ones = [dc.replace(s, chi=now[max(k - late, 0)].chi) for k, s in enumerate(now)]
-    memory = fed(dut, without(late_ones, (55,)))
-    first = dut.forecast(memory, horizon=1, stride=1).first
-    np.testing.assert_allclose(first, now[-1].chi, atol=1e-9)

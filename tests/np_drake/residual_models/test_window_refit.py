@@ -13,7 +13,7 @@ from np_drake.lifting.model.lifted_linear_system import (
     stabilized,
 )
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
-from np_drake.residual_models.neural_predictor import WindowRefit
+from np_drake.residual_models.neural_predictor import window_refit
 
 SCALE = np.array([1.5, 1.5, 1.5, 0.5, 0.5, 0.5])
 
@@ -24,14 +24,12 @@ def paper_model(seed: int = 0, K: int = 8) -> LiftedModel:
     A = np.linalg.qr(generator.standard_normal((K, K)))[0] * 0.9
     B, C = generator.standard_normal((K, 6)), generator.standard_normal((6, K))
     system = LiftedLinearSystem(A, B, C, 0.02)
-    encoder = Encoder(np.eye(6, 12), layers, skip=False)
+    encoder = Encoder(np.eye(6, 12), layers)
     return LiftedModel(PAPER, system, encoder, SCALE, refit=40, ridge=1)
 
 
 def refit(model: LiftedModel, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return WindowRefit(model).solve(
-        np.hstack([model.encoder(window[:, None]), window[:, 6:] / SCALE])
-    )
+    return window_refit(model, np.hstack([model.encoder(window[:, None]), window[:, 6:] / SCALE]))
 
 
 @given(st.integers(0, 1000), st.floats(1e-3, 1e3))

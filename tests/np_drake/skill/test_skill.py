@@ -5,7 +5,7 @@ import pytest
 
 from np_drake.residual_model import WrenchForecast
 from np_drake.residual_models.hold import Hold
-from np_drake.skill.skill import NAIVE, diverged, ratio_interval, skill_table
+from np_drake.skill.skill import NAIVE, diverged, skill_table
 
 STEP, HORIZONS = 0.02, [0, 1, 3, 7]
 
@@ -92,26 +92,3 @@ def test_skill_is_over_the_best_naive_row_and_holding_is_persistence():
         assert row["force_rmse"] == rows["persistence", horizon]["force_rmse"]
         assert row["force_skill"] == pytest.approx(row["force_rmse"] / best)
         assert row["force_ratio"] == pytest.approx(1.0)
-
-
-def errors(ratio: float, n: int = 4000, memory: int = 1, seed: int = 0):
-    """Squared errors (n, 1, 2) of a model and of its reference, alike over `memory` samples."""
-    generator = np.random.default_rng(seed)
-    base, own = (
-        np.repeat(generator.standard_normal((n // memory, 1, 2)) ** 2, memory, axis=0)
-        for _ in range(2)
-    )
-    return ratio**2 * own, base
-
-
-def test_the_interval_holds_the_ratio_in_about_nineteen_of_twenty_flights():
-    found = np.array([ratio_interval(*errors(0.6, seed=seed), [1])[0, 0] for seed in range(60)])
-    assert np.mean((found[:, 0] < 0.6) & (found[:, 1] > 0.6)) > 0.85
-
-
-def test_alike_neighbours_are_worth_less_and_a_short_flight_says_nothing():
-    one, alike = (np.ptp(ratio_interval(*errors(0.6, memory=m), [1])[0, 0]) for m in (1, 100))
-    assert alike > 3 * one
-    _, base = errors(1.0)
-    np.testing.assert_allclose(ratio_interval(base, base, [1]), 1.0)
-    assert np.isnan(ratio_interval(*errors(0.6, n=40), [10])).all()

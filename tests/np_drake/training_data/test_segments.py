@@ -14,9 +14,7 @@ def test_a_log_gives_causal_labels_and_zero_phase_targets(flight):
     np.testing.assert_array_equal(dut.chi, labels.labels(flight, Vehicle())[::2])
     np.testing.assert_array_equal(dut.goal, labels.smooth_labels(flight, Vehicle())[::2])
     np.testing.assert_array_equal(dut.zeta, flight.x[::2, 7:13])
-    assert (dut.step, dut.late) == (0.02, 2)  # 40 ms through 4 Hz
-    (raw,) = Flight(flight, Vehicle()).segments(0.02, labels.RAW)
-    assert raw.late == 0
+    assert dut.step == 0.02
 
 
 def test_rows_without_a_label_part_the_flight(flight):
@@ -32,7 +30,7 @@ def test_an_array_keeps_its_own_step_and_its_wrench():
     (dut,) = Flight(array, Vehicle()).segments(0.02)
     np.testing.assert_array_equal(dut.chi, chi)
     np.testing.assert_array_equal(dut.goal, chi)
-    assert (dut.step, dut.late) == (0.0025, 0)
+    assert dut.step == 0.0025
 
 
 def test_a_segment_of_a_model_has_the_same_samples_and_its_own_labels(flight):

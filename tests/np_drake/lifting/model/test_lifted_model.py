@@ -27,10 +27,10 @@ def model(configuration: str) -> LiftedModel:
     A, B, C = 0.5 * np.eye(4), generator.standard_normal((4, 6)), generator.standard_normal((6, 4))
     scale = generator.uniform(0.5, 2.0, 6)
     E, *layers = (generator.standard_normal(shape) for shape in ((4, 60), (7, 4), (4, 7)))
-    paper, dictionary = Encoder(E, tuple(layers), skip=False), Encoder(E, offset=np.ones(4))
+    paper, dictionary = Encoder(E, tuple(layers)), Encoder(E, offset=np.ones(4))
     encoder = paper if configuration == PAPER else dictionary
     system, summary = LiftedLinearSystem(A, B, C, 0.02), {"samples": 7}
-    return LiftedModel(configuration, system, encoder, scale, summary, 5, 0.5, late=2)
+    return LiftedModel(configuration, system, encoder, scale, summary, 5, 0.5)
 
 
 def rewrite(path: Path, change) -> None:
@@ -38,7 +38,7 @@ def rewrite(path: Path, change) -> None:
     tensors = load_file(path)
     metadata = {"schema": SCHEMA, "model": ""}
     header = {"configuration": MODE_DICTIONARY, "step": 0.02, "refit": 5}
-    header |= {"ridge": 0.5, "late": 2, "summary": {}}
+    header |= {"ridge": 0.5, "summary": {}}
     change(tensors, header, metadata)
     save_file(tensors, path, {**metadata, "model": json.dumps(header)})
 
@@ -62,7 +62,7 @@ def test_what_is_read_is_what_was_written(configuration, tmp_path):
     saved = model(configuration)
     save_model(saved, tmp_path / "m.safetensors")
     read = load_model(tmp_path / "m.safetensors")
-    for name in ("configuration", "window", "summary", "refit", "ridge", "late", "step"):
+    for name in ("configuration", "window", "summary", "refit", "ridge", "step"):
         assert getattr(read, name) == getattr(saved, name)
     for name in "ABC":
         np.testing.assert_array_equal(getattr(read.system, name), getattr(saved.system, name))
@@ -87,7 +87,6 @@ FAULTS = {
     "lacks 'E'": lambda t, h, m: t.pop("E"),
     r"must be paper \| neural-lpv \| mode": lambda t, h, m: h.update(configuration="theirs"),
     "each layer must take the 4": lambda t, h, m: t.update(W0=np.zeros((4, 5))),
-    "as many outputs as E, 4": lambda t, h, m: t.update(W0=np.zeros((3, 4))),
     r"offset must be \(4,\)": lambda t, h, m: t.update(offset=np.zeros(3)),
     "positive ridge; got 5, 0": lambda t, h, m: h.update(ridge=0.0),
     "force_bandwidth must be positive": lambda t, h, m: h.update(
@@ -114,8 +113,7 @@ def test_every_fault_has_its_line(path, message):
 
 @pytest.mark.parametrize("junk", [None, "x", float("inf"), float("nan"), -1, 1e300, [1], True])
 @pytest.mark.parametrize(
-    "field",
-    ["refit", "step", "summary", "origin", "rotor_lag", "command_delay", "ridge", "late", "label"],
+    "field", ["refit", "step", "summary", "origin", "rotor_lag", "command_delay", "ridge", "label"]
 )
 def test_no_value_of_the_header_is_more_than_a_refusal(path, field, junk):
     def change(tensors, header, metadata):

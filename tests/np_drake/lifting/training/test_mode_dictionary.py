@@ -25,7 +25,7 @@ MODES, HORIZONS = time_constants((2.0, 8.0, 30.0), (2.0, 8.0, 30.0), 1e5), np.ar
 
 def test_a_trajectory_of_modes_is_projected_onto_its_amplitudes():
     """A longer horizon repeats modes; a nearly constant one is ill-conditioned, and pulled."""
-    a = np.random.default_rng(0).standard_normal(MODES.K)
+    a = np.random.default_rng(0).standard_normal(len(MODES.poles))
     chi = MODES.readout(HORIZONS) @ a
     found = np.einsum("khc,hc->k", MODES.projector(HORIZONS, np.ones((4, 2)), ridge=1e-12), chi)
     np.testing.assert_allclose(MODES.readout(HORIZONS) @ found, chi, atol=1e-6)

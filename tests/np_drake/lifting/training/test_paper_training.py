@@ -17,15 +17,14 @@ from np_drake.lifting.training.paper_training import (
     LAGS,
     RIDGE,
     PaperConfig,
-    PaperTrainer,
     PhiModule,
     foreseeing,
+    rollout_error,
     window_fit,
 )
 from np_drake.lifting.training.train import train
 from np_drake.residual_models.neural_predictor import LiftedPredictor
 from np_drake.skill.skill import skill_table
-from np_drake.training_data.segments import Segment
 
 CONFIG = PaperConfig(epochs=2, spacing=20)
 
@@ -48,7 +47,7 @@ def lipschitz_bound(weights):
 def flies(dut: PhiModule, samples: np.ndarray) -> np.ndarray:
     """z (n, 8) of samples (n, 20), by what is exported."""
     window = np.pad(samples, ((0, 0), (0, 4))).reshape(-1, 2, 12)
-    return Encoder(np.eye(20, 24), dut.export(), skip=False)(window)
+    return Encoder(np.eye(20, 24), dut.export())(window)
 
 
 @given(st.integers(0, 1000), st.floats(0.1, 100.0), st.floats(0.0, 3.0))
@@ -129,35 +128,18 @@ def test_a_window_fit_is_ridge_regression_toward_the_prior():
 def test_the_backward_loss_is_the_mean_square_of_the_way_back(monkeypatch):
     """In closed form: a scalar that stands still, a prior that says half of it, and no refit."""
     monkeypatch.setattr(paper_training, "RIDGE", 1e12)
-    dut, half = object.__new__(PaperTrainer), torch.zeros(7, 1, dtype=torch.float64)
-    dut.config = CONFIG
+    half, mu = torch.zeros(7, 1, dtype=torch.float64), 0.999
     half[0, 0] = 0.5
     z, zeta = torch.ones(2, 4, 1, dtype=torch.float64), torch.zeros(2, 4, 6, dtype=torch.float64)
-    mu = CONFIG.mu
     expected = (mu * 0.5**2 + mu**2 * 0.75**2 + mu**3 * 0.875**2) / 3
-    assert dut._rollout_error(z, zeta, half, backward=True).item() == pytest.approx(expected)
+    assert rollout_error(z, zeta, half, mu, backward=True).item() == pytest.approx(expected)
     z[:, 0] = 3.0  # forward from the first sample, backward from the last
-    assert dut._rollout_error(z, zeta, half, backward=False).item() == pytest.approx(
+    assert rollout_error(z, zeta, half, mu, backward=False).item() == pytest.approx(
         (mu * 0.5**2 + mu**2 * 0.25**2 + mu**3 * 0.625**2) / 3
     )
-    assert dut._rollout_error(z, zeta, half, backward=True).item() == pytest.approx(
+    assert rollout_error(z, zeta, half, mu, backward=True).item() == pytest.approx(
         (mu * 0.5**2 + mu**2 * 0.75**2 + mu**3 * 2.875**2) / 3
     )
-
-
-def test_a_late_label_is_learned_as_one_in_time(dithered):
-    """Two samples of delay change the model by what the ends of the flight say, and z is that of
-    now.
-    """
-    late = Segment(dithered.chi, dithered.zeta, 0.02, late=2)
-    in_time = Segment(dithered.chi[2:], dithered.zeta[:-2], 0.02)
-    config = dc.replace(CONFIG, epochs=1, spacing=60)
-    ours, theirs = train([late], config).model, train([in_time], config).model
-    assert (ours.late, theirs.late, ours.window) == (2, 0, theirs.window + 2)
-    np.testing.assert_array_equal(ours.system.A, theirs.system.A)
-    window = np.hstack([dithered.chi, dithered.zeta])[100:135]
-    expected = theirs.encoder(np.hstack([window[2:, :6], window[:-2, 6:]]))
-    np.testing.assert_array_equal(ours.encoder(ours.in_time(window)), expected)
 
 
 def test_images_are_the_turns_of_wrench_and_motion_alike():
