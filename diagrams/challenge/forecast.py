@@ -197,9 +197,8 @@ def _paper(flights: Sequence[Opened]) -> NeuralPredictor:
 
 def _network(flights: Sequence[Opened]) -> NeuralPredictor:
     """Return the packaged network on the vehicle of these flights."""
-    prior: Any = load_model(NP_MODEL)
     opened = [Flight(log, vehicle) for log, vehicle in flights]
-    return NeuralPredictor.of(fitted_lpv(prior, opened, STEP))
+    return NeuralPredictor.of(fitted_lpv(load_model(NP_MODEL), opened, STEP))
 
 
 def _payload_filter(flights: Sequence[Opened]) -> PayloadFilter:

@@ -26,7 +26,7 @@ from diagrams.cli.verb import (
     say,
     tell,
 )
-from diagrams.loop.controller_config import FILTER_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from diagrams.loop.experiments import training_flight
 from np_drake.files.figure_file import Panel, panel_figure, save
 from np_drake.files.number_text import number
@@ -224,15 +224,15 @@ def _learn_network(
     """Train a network on the envelope, or take the packaged one, and fit it to the vehicle of the
     flights.
     """
-    from diagrams.studies.learning import packaged_network, train_network_on_envelope
+    from diagrams.studies.learning import train_network_on_envelope
     from np_drake.residual_models.predictor_training import fitted_lpv
 
-    model, loss = None, list[float]()
+    loss = list[float]()
+    model: Any = None
     if envelope:
         model, loss = train_network_on_envelope(envelope, run=run, vehicle=vehicle, epochs=epochs)
     if flights:
-        model = fitted_lpv(model or packaged_network(), flights, step)
-    assert model is not None
+        model = fitted_lpv(model or load_model(NP_MODEL), flights, step)
     save_model(model, out)
     rows: list[tuple] = [
         ("rotor lag [ms]", f"{1e3 * rotor_lag_of(model):.1f}"),

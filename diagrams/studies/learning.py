@@ -67,7 +67,7 @@ def train_model(
         prior = PayloadFilterModel.load(FILTER_MODEL)
         model = train_payload_filter([(log, vehicle)], step=step, prior=prior)
     elif configuration == NEURAL_LPV:
-        model = fitted_lpv(packaged_network(), flights, step)
+        model = fitted_lpv(load_model(NP_MODEL), flights, step)
     else:
         config = make_config(configuration, seed=seed)
         model = train_on_flights(flights, config, step=step, label=label).model
@@ -82,13 +82,6 @@ def scored_log(flight: FlightResult) -> FlightLog:
     """Return the flight's log after the ramp."""
     log = flight.log()
     return log.rows(int(flight.scored.argmax()), len(log))
-
-
-def packaged_network() -> LpvModel:
-    """Return the network of the packaged model."""
-    model = load_model(NP_MODEL)
-    assert isinstance(model, LpvModel)
-    return model
 
 
 def drawn_log(number: int, *, seed: int, vehicle: Vehicle) -> FlightLog | None:

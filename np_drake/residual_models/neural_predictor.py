@@ -1,6 +1,7 @@
 """A lifted linear system as a residual model, with a refit of its matrices in flight."""
 
 import dataclasses as dc
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from np_drake.trained_model import delay_of, label_of, rotor_lag_of
 CUTOFF = 4.0  # of the low-pass on held labels [Hz]
 
 
-class NeuralPredictor:
+class NeuralPredictor(ABC):
     """Predictor z = Phi(window);  z+ = A z + B zeta;  chi_hat = C z, whatever Phi, A and B are.
 
     Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); lowpass (6,) of the labels; count
@@ -44,7 +45,6 @@ class NeuralPredictor:
         self.delay = delay_of(model)  # of commands [s]
         self._blend = 1.0 - np.exp(-2 * np.pi * CUTOFF * model.step)
         self._held, self._enough, self._longest = held, enough, longest
-        self._rows = model.window
 
     @staticmethod
     def load(path: str | Path) -> "NeuralPredictor":
@@ -62,7 +62,7 @@ class NeuralPredictor:
     def initial_memory(self) -> Memory:
         """Return the memory before any sample, whose forecast is zero."""
         scalars = {name: np.zeros(1) for name in ("count", "labels", "gap")}
-        memory = {"window": np.zeros((self._rows, 12)), "lowpass": np.zeros(6)}
+        memory = {"window": np.zeros((self.model.window, 12)), "lowpass": np.zeros(6)}
         return memory | scalars | self._afresh()
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
@@ -77,7 +77,9 @@ class NeuralPredictor:
             return new | self._afresh()
         chi = label if labelled else self._own_prediction(memory)
         row = np.concatenate([chi, zeta if seen else memory["window"][-1, 6:]])[None]
-        before = memory["window"][1:] if memory["count"][0] else np.repeat(row, self._rows - 1, 0)
+        before = (
+            memory["window"][1:] if memory["count"][0] else np.repeat(row, self.model.window - 1, 0)
+        )
         new["window"] = np.concatenate([before, row])
         return new | self._lifted(new, labelled=labelled)
 
@@ -94,17 +96,17 @@ class NeuralPredictor:
             system, z = dc.replace(system, B=np.zeros_like(system.B)), np.zeros_like(z)
         return WrenchForecast(system.A, system.B, system.C, z, np.tile(offset, (horizon, 1)))
 
+    @abstractmethod
     def system(self, memory: Memory) -> LiftedLinearSystem:
         """Return the lifted linear system in use now, at the model's step."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _afresh(self) -> Memory:
         """Return z and what else begins anew with the window."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _lifted(self, new: Memory, *, labelled: bool) -> Memory:
         """Return z, where there are samples enough, and what else changes with the newest one."""
-        raise NotImplementedError
 
     def _own_prediction(self, memory: Memory) -> np.ndarray:
         """Return what the model expected for this sample before it came, (6,)."""
@@ -116,7 +118,7 @@ class NeuralPredictor:
     def _counted(self, memory: Memory, labelled: bool, complete: bool) -> Memory:
         """Return the counters after one more sample."""
         gap = np.zeros(1) if complete else memory["gap"] + 1.0
-        lost = gap[0] >= self._rows or (not complete and memory["count"][0] == 0)
+        lost = gap[0] >= self.model.window or (not complete and memory["count"][0] == 0)
         return {
             "gap": gap,
             "count": np.zeros(1) if lost else np.minimum(memory["count"] + 1.0, self._longest),

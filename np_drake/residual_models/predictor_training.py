@@ -82,11 +82,12 @@ def _timing(flights: Sequence[Flight], delays: Sequence[float]) -> dict[str, flo
     return {"rotor_lag": lag} | ({"command_delay": delay} if len(delays) > 1 else {})
 
 
-def fitted_lpv(prior: LpvModel, flights: Sequence[Flight], step: float) -> LpvModel:
+def fitted_lpv(prior: Any, flights: Sequence[Flight], step: float) -> LpvModel:
     """Return the network for the vehicle of `flights`, with its units and the timing of its
     commands; what a payload does it has learnt from others.
 
     Args:
+        prior: an `LpvModel`.
         step: time between samples [s].
     """
     vehicle = flights[0].vehicle

@@ -133,13 +133,11 @@ class LpvModel:
 
     def in_numpy(self) -> "LpvModel":
         """Return the model with arrays in the place of tensors."""
-        fields: dict[str, Any] = dict(vars(self))
-        for name, value in fields.items():
-            if isinstance(value, tuple):
-                fields[name] = tuple(np.asarray(part, float) for part in value)
-            elif name not in ("step", "summary"):
-                fields[name] = np.asarray(value, float)
-        return LpvModel(**fields)
+        names = ("experts", "lifts", "level", "torque", "probes", "glances")
+        found: dict[str, Any] = {name: np.asarray(getattr(self, name), float) for name in names}
+        for name in ("weights", "biases"):
+            found[name] = tuple(np.asarray(part, float) for part in getattr(self, name))
+        return dc.replace(self, **found)
 
     def energies(self, features: Features) -> np.ndarray:
         """Return the squares (2, P + 2) whose decaying means are the statistics."""
