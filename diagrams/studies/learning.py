@@ -123,9 +123,9 @@ def train_network_on_envelope(
             step=step,
             on_epoch=lambda done, total, loss: advance(done / total, f"loss {loss:.4g}"),
         )
-    learned = {"flights": len(flights), "seed": run.seed}
     model: Any = result.model
-    return dc.replace(model, summary={**model.summary, "learned": learned}), result.loss
+    summary = {**model.summary, "learned": {"flights": len(flights), "seed": run.seed}}
+    return dc.replace(model, summary=summary), result.loss
 
 
 def flown_error(

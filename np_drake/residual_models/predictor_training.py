@@ -92,10 +92,10 @@ def fitted_lpv(prior: Any, flights: Sequence[Flight], step: float) -> LpvModel:
     """
     vehicle = flights[0].vehicle
     summary = {**prior.summary, "samples": sum(len(flight.data) for flight in flights)}
-    scale = np.repeat(units_of(vehicle, step), 3)
-    model = dc.replace(prior, scale=scale, step=step, summary=summary)
-    origin = origin_of(flights[0].frame, vehicle, RAW)
-    return with_origin(model, origin, **_timing(flights, delays_sought(step)))
+    unit = np.repeat(units_of(vehicle, step), 3)
+    model = dc.replace(prior, scale=unit, step=step, summary=summary)
+    timing = _timing(flights, delays_sought(step))
+    return with_origin(model, origin_of(flights[0].frame, vehicle, RAW), **timing)
 
 
 @dc.dataclass(frozen=True)

@@ -128,8 +128,10 @@ class LpvModel:
                 f"LpvModel: each layer must take the {width} outputs before it; got {W.shape}.",
             )
             width = len(W)
-        wanted = J + PARAMETERS
-        require(width == wanted, f"LpvModel: the network must have {wanted} outputs; got {width}.")
+        require(
+            width == J + PARAMETERS,
+            f"LpvModel: the network must have {J + PARAMETERS} outputs; got {width}.",
+        )
 
     def in_numpy(self) -> "LpvModel":
         """Return the model with arrays in the place of tensors."""

@@ -144,8 +144,9 @@ class LpvNetwork(nn.Module):
             last.bias[J:] = 0.0
             last.bias[J : J + RATES] = torch.from_numpy(np.log(start))
             model = self.model()
-            energy = energies(model.probes, products, climb)
-            statistics = model.statistics(planes, heave, energy, age, torch)
+            statistics = model.statistics(
+                planes, heave, energies(model.probes, products, climb), age, torch
+            )
         self.mean, self.spread = statistics.mean(dim=0), statistics.std(dim=0) + 1e-3
 
     def model(self, step: float = 1.0) -> LpvModel:
@@ -180,8 +181,9 @@ class LpvNetwork(nn.Module):
             zeta: (n, HORIZON + 1, 6) from the step before on.
         """
         model = self.model()
-        energy = energies(model.probes, products, climb)
-        states, theta = model.schedule(planes, heave, energy, age, torch)
+        states, theta = model.schedule(
+            planes, heave, energies(model.probes, products, climb), age, torch
+        )
         A, B, C = model.matrices(theta, torch)
         A, B = A @ A, A @ B + B
         z, found = torch.cat([states, zeta[:, 0, :3]], dim=1)[..., None], []
@@ -225,8 +227,7 @@ def _inverse_root(moment: np.ndarray) -> torch.Tensor:
     size = np.sqrt(np.diag(moment)) + 1e-6
     power, axes = np.linalg.eigh(moment / np.outer(size, size))
     root = np.sqrt(np.maximum(power, 0.0) + WEAK * max(power[-1], 1.0))
-    scaled = axes / root / size[:, None]
-    return torch.from_numpy(scaled).float()
+    return torch.from_numpy(axes / root / size[:, None]).float()
 
 
 def train_neural_lpv(
@@ -245,15 +246,15 @@ def train_neural_lpv(
         torch.optim.Adam(others, lr=config.learning_rate),
         torch.optim.Muon(matrices, lr=config.matrix_rate, weight_decay=0.0),
     ]
-    rise: dict[str, Any] = {
-        "pct_start": 0.1,
-        "div_factor": 10,
-        "final_div_factor": 30,
-        "cycle_momentum": False,
-    }
     rates = [
         torch.optim.lr_scheduler.OneCycleLR(
-            optimiser, optimiser.param_groups[0]["lr"], max(config.epochs, SHORTEST), **rise
+            optimiser,
+            optimiser.param_groups[0]["lr"],
+            max(config.epochs, SHORTEST),
+            pct_start=0.1,
+            div_factor=10,
+            final_div_factor=30,
+            cycle_momentum=False,
         )
         for optimiser in optimisers
     ]
@@ -286,6 +287,5 @@ def train_neural_lpv(
         "loss": history[-1] if history else None,
         "excitation": excitation(segments),
     }
-    period = float(np.median([segment.step for segment in segments]))
-    model = network.requires_grad_(False).model(period)
-    return dc.replace(model.in_numpy(), summary=summary), history
+    model = network.requires_grad_(False).model(segments[0].step).in_numpy()
+    return dc.replace(model, summary=summary), history
