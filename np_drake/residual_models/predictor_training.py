@@ -14,11 +14,11 @@ import torch
 from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.labels import RAW, LabelConfig, default_labels
-from np_drake.lifting.model.lpv_model import LpvModel, units_of
+from np_drake.lifting.model.lpv_model import NEURAL_LPV, LpvModel, units_of
 from np_drake.lifting.training.excitation import excitation
 from np_drake.lifting.training.neural_lpv import NeuralLpvConfig
 from np_drake.lifting.training.paper_training import descend
-from np_drake.lifting.training.train import Config, TrainingResult, configured, train
+from np_drake.lifting.training.train import Config, TrainingResult, configured, make_config, train
 from np_drake.residual_models.motion_model import (
     GP,
     KNODE,
@@ -58,12 +58,11 @@ def train_on_flights(
         label, delays = RAW, delays_sought(step)
         config = dc.replace(config, units=units_of(vehicle, step))
     timing = _timing(flights, delays)
-    segments = []
+    segments, late = [], timing.get("command_delay", 0.0)
     for f in flights:
-        late = timing.get("command_delay", 0.0)
         data = delayed(f.data, late) if isinstance(f.data, FlightLog) else f.data
-        lagging = with_rotor_lag(f.vehicle, timing["rotor_lag"])
-        segments += Flight(data, lagging).segments(step, label)
+        own = Flight(data, with_rotor_lag(f.vehicle, timing["rotor_lag"]))
+        segments += own.segments(step, label)
     result = train(segments, config, on_epoch=on_epoch)
     origin = origin_of(flights[0].frame, vehicle, label or default_labels(vehicle))
     return dc.replace(result, model=with_origin(result.model, origin, **timing))
@@ -94,6 +93,7 @@ def fitted_lpv(prior: Any, flights: Sequence[Flight], step: float) -> LpvModel:
     summary = {**prior.summary, "samples": sum(len(flight.data) for flight in flights)}
     unit = np.repeat(units_of(vehicle, step), 3)
     model = dc.replace(prior, scale=unit, step=step, summary=summary)
+    make_config(NEURAL_LPV, frame=flights[0].frame)  # refuses other axes
     timing = _timing(flights, delays_sought(step))
     return with_origin(model, origin_of(flights[0].frame, vehicle, RAW), **timing)
 

@@ -126,7 +126,7 @@ def test_one_step_of_the_context_is_a_step_of_the_lifted_linear_system():
     rng, eye = np.random.default_rng(0), np.eye(6)
     law = LiftedLinearSystem(np.diag(rng.uniform(0.5, 0.9, 6)), rng.normal(size=(6, 6)), eye, 0.02)
     E, weights = np.eye(6, 12 * D, 12 * (D - 1)), (np.vstack([eye, -eye]), np.hstack([eye, -eye]))
-    encoder = Encoder(E, weights, skip=False)
+    encoder = Encoder(E, weights)
     model = LiftedPredictor(LiftedModel(PAPER, law, encoder, refit=8, ridge=1.0))
     dut, context = on_labels(NeuralPredictor(model, horizon=2, stride=1))
     chi, before = CHI, np.zeros(6)

@@ -9,7 +9,7 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.cli.train import open_flights as verb_flights
-from diagrams.loop.controller_config import FILTER_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from np_drake.lifting.model.lifted_model import load_model
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.opening import open_flights
@@ -76,10 +76,26 @@ def test_arrays_in_body_axes_train_what_suits_them(tmp_path, capsys):
     assert "must have flight logs" in capsys.readouterr().err
 
 
-def test_only_learned_priors_come_from_the_envelope(tmp_path, capsys):
+def test_a_log_tells_a_network_its_vehicle_alone(flown, tmp_path, capsys):
+    out, file, array = (tmp_path / name for name in ("np.safetensors", "v.yaml", "a.npy"))
+    file.write_text("mass: 0.5\n")
+    words = ["train", "--configuration", "neural-lpv", "--out", str(out)]
+    assert run([*words, str(flown), "--vehicle", str(file)]) == 0, capsys.readouterr().err
+    model, packaged = load_model(out), load_model(NP_MODEL)
+    np.testing.assert_array_equal(model.experts, packaged.experts)
+    assert model.scale[0] == 0.25 * packaged.scale[0]
+    assert f"{1e3 * model.summary['rotor_lag']:.1f}" in capsys.readouterr().out
+    np.save(array, np.cumsum(np.random.default_rng(0).standard_normal((900, 12)), axis=0))
+    assert run([*words, str(array)]) == 2
+    assert "neural-lpv needs wrenches in world axes" in capsys.readouterr().err
+
+
+def test_only_two_configurations_learn_from_the_envelope(tmp_path, capsys):
     words = ["train", "--envelope", "2", "--configuration", "paper", "--out"]
     assert run([*words, str(tmp_path / "np.safetensors")]) == 2
-    assert "--envelope: must be of payload_filter; got paper" in capsys.readouterr().err
+    assert (
+        "--envelope: must be of payload_filter or neural-lpv; got paper" in capsys.readouterr().err
+    )
 
 
 @pytest.mark.nightly
@@ -90,6 +106,8 @@ def test_the_envelope_is_flown_and_learnt_without_a_log(tmp_path, capsys):
     assert PayloadFilterModel.load(out).learned == {"flights": 2, "seed": 0}
     assert out.with_suffix(".png").exists()
     assert "2 of 2 flights" not in capsys.readouterr().out  # a bar, not a table
+    assert run([*arguments, "--configuration", "neural-lpv", "--epochs", "20"]) == 0
+    assert load_model(out).summary["learned"] == {"flights": 3, "seed": 0}  # a training circle too
 
 
 def test_a_log_in_which_nothing_moves_is_refused_unless_forced(logs, tmp_path, capsys):

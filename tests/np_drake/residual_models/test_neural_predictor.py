@@ -129,7 +129,7 @@ def test_no_samples_make_the_forecast_unusable_or_change_a_memory(model, course)
     assert np.all(np.isfinite(chi))
 
 
-def test_a_scheduled_model_forecasts_from_its_first_label_on_and_fills_a_gap_with_that():
+def test_a_scheduled_model_forecasts_through_a_gap():
     dut, samples = NeuralPredictor.of(lpv_model()), without(sequence(101), range(1, 101))
     first, zeta = fed(dut, samples[:1]), np.array([s.x[7:] for s in samples[:100]])
     assert not dut.forecast(dut.initial_memory(), horizon=100, stride=1).rollout(zeta).any()
