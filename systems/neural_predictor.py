@@ -35,7 +35,8 @@ class NeuralPredictor(ResidualPredictor):
 
     State: a discrete group each for z and window, whose indices are public, as in
     `context.get_discrete_state(predictor.z_index).value()`; likewise, sorted by name, what else the
-    model keeps (see its class): low-pass and count, A, B and rows of a refit; then chi_hat (6).
+    model keeps (see its class): low-pass and count; A, B and rows of a refit, or theta and energy of
+    a network; then chi_hat (6).
     Event: periodic, every `model.step`. Before the window is full, on NaN and on dropped samples:
     see the model.
 

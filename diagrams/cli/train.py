@@ -147,7 +147,10 @@ def train(
         learnt = _learn_lifted(name, flights, out, step=step, seed=run.seed, epochs=epochs)
     wall, summary = time.perf_counter() - start, learnt.summary
     if learnt.loss:
-        what = ("trial [1]", "error [m]") if envelope else ("epoch [1]", "loss [1]")
+        what = {
+            PAYLOAD_FILTER: ("trial [1]", "error [m]"),
+            NEURAL_LPV: ("report [1]", "loss [1]"),
+        }.get(name, ("epoch [1]", "loss [1]"))
         axes = {"xlabel": what[0], "ylabel": what[1], "yscale": "log"}
         panel = Panel({name: (range(1, len(learnt.loss) + 1), learnt.loss)}, axes)
         save(panel_figure([[panel]], f"training {name}", width=6.0, height=3.5), curve)
@@ -228,11 +231,12 @@ def _learn_network(
     from np_drake.residual_models.predictor_training import fitted_lpv
 
     loss = list[float]()
-    model: Any = None
+    model: Any = load_model(NP_MODEL)
+    if flights:  # refuses what does not suit it, before anything is flown
+        model = fitted_lpv(model, flights, step)
     if envelope:
         model, loss = train_network_on_envelope(envelope, run=run, vehicle=vehicle, epochs=epochs)
-    if flights:
-        model = fitted_lpv(model or load_model(NP_MODEL), flights, step)
+        model = fitted_lpv(model, flights, step) if flights else model
     save_model(model, out)
     rows: list[tuple] = [
         ("rotor lag [ms]", f"{1e3 * rotor_lag_of(model):.1f}"),

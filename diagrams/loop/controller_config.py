@@ -19,7 +19,7 @@ from np_drake.vehicle import Vehicle
 
 MODELS = Path(__file__).parents[1] / "models"  # that ship with the package
 SHORTEST_PERIOD = 1e-4  # of the controller [s]; own choice
-NP_MODEL = MODELS / "neural_predictor.safetensors"  # of the payload that it was trained with
+NP_MODEL = MODELS / "neural_predictor.safetensors"  # of payloads as were drawn in its training
 FILTER_MODEL = MODELS / "payload_filter.safetensors"  # of any tethered payload
 LEARNED = ("np", PAYLOAD_FILTER, *REACTIONS)  # kinds with a model file
 NONE = "none"  # no autopilot: the rotors take thrust and torque at once

@@ -316,7 +316,7 @@ def _observer(config: ControllerConfig, vehicle: Vehicle) -> DisturbanceObserver
 
 
 def _neural_predictor(config: ControllerConfig, vehicle: Vehicle) -> NeuralPredictorModel:
-    found = NeuralPredictorModel.load(config.predictor or NP_MODEL)
+    found = NeuralPredictorModel.of(load_model(config.predictor or NP_MODEL))
     _require_fit(found.model, found.step, config, vehicle, found.label)
     return found
 

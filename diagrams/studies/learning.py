@@ -91,7 +91,9 @@ def drawn_log(number: int, *, seed: int, vehicle: Vehicle) -> FlightLog | None:
     rng = np.random.default_rng([seed, number, TEACHING])
     try:
         _, config = drawn_flight(number, Envelope(), seed=seed, vehicle=vehicle)
-        config.controller.kind = str(rng.choice(list(TEACHERS), p=list(TEACHERS.values())))
+        kind = str(rng.choice(list(TEACHERS), p=list(TEACHERS.values())))
+        # The packaged filter is of the paper's vehicle
+        config.controller.kind = kind if vehicle.mass == Vehicle().mass else "hold"
         config.duration = TAUGHT * ratios(vehicle).time
         return fly(config.check(), seed=number).log()
     except (ValueError, FailedRun):
@@ -101,8 +103,8 @@ def drawn_log(number: int, *, seed: int, vehicle: Vehicle) -> FlightLog | None:
 def train_network_on_envelope(
     count: int, *, run: Run, vehicle: Vehicle, epochs: int | None
 ) -> tuple[LpvModel, list[float]]:
-    """Return the network of a simulated vehicle that `count` drawn flights teach, and its loss now
-    and then; the timing of commands is that of its training circle.
+    """Return the network of a simulated vehicle that its training circle and `count` drawn flights
+    teach, and its loss now and then.
     """
     circle = fly(load_experiment(TRAINING, vehicle), seed=run.seed)
     step, flights = circle.config.controller.period, [Flight(scored_log(circle), vehicle)]
@@ -115,6 +117,7 @@ def train_network_on_envelope(
             if isinstance(log, FlightLog):
                 logs[number] = log
             advance(done, f"{len(logs)} flown")
+    require(logs, "--envelope: this vehicle flew none of what was drawn; draw more flights.")
     flights += [Flight(logs[number], vehicle) for number in sorted(logs)]
     with run.bar("training the network", 1.0) as advance:
         result = train_on_flights(

@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 from abc import ABC, abstractmethod
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from scipy.linalg import lapack
 
 from np_drake import rigid_body
 from np_drake.lifting.model.lifted_linear_system import RADIUS, LiftedLinearSystem, stabilized
-from np_drake.lifting.model.lifted_model import LiftedModel, load_model
+from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.lifting.model.lpv_model import DECAYS, NEW, PARAMETERS, Features, K, LpvModel
 from np_drake.residual_model import Memory, Sample, WrenchForecast
 from np_drake.trained_model import delay_of, label_of, rotor_lag_of
@@ -45,14 +44,6 @@ class NeuralPredictor(ABC):
         self.delay = delay_of(model)  # of commands [s]
         self._blend = 1.0 - np.exp(-2 * np.pi * CUTOFF * model.step)
         self._held, self._enough, self._longest = held, enough, longest
-
-    @staticmethod
-    def load(path: str | Path) -> "NeuralPredictor":
-        """Return the predictor of a model file of any configuration.
-
-        Raises: ValueError: one line, on a bad file.
-        """
-        return NeuralPredictor.of(load_model(path))
 
     @staticmethod
     def of(model: LiftedModel | LpvModel) -> "NeuralPredictor":

@@ -75,9 +75,11 @@ def _timing(flights: Sequence[Flight], delays: Sequence[float]) -> dict[str, flo
         delays: that are tried; of one alone, nothing is said.
     """
     told = [
-        (with_accelerations(f.data), f.vehicle) for f in flights if isinstance(f.data, FlightLog)
+        (with_accelerations(f.data), f.vehicle)
+        for f in flights[:TIMED]
+        if isinstance(f.data, FlightLog)
     ]
-    lag, delay = learned_timing(told[:TIMED], delays)
+    lag, delay = learned_timing(told, delays)
     return {"rotor_lag": lag} | ({"command_delay": delay} if len(delays) > 1 else {})
 
 
@@ -90,7 +92,11 @@ def fitted_lpv(prior: Any, flights: Sequence[Flight], step: float) -> LpvModel:
         step: time between samples [s].
     """
     vehicle = flights[0].vehicle
-    summary = {**prior.summary, "samples": sum(len(flight.data) for flight in flights)}
+    require(
+        all(flight.vehicle == vehicle for flight in flights),
+        f"{NEURAL_LPV}: all flights must be of one vehicle; give them one --vehicle FILE.",
+    )
+    summary = {"samples": sum(len(flight.data) for flight in flights), "prior": prior.summary}
     unit = np.repeat(units_of(vehicle, step), 3)
     model = dc.replace(prior, scale=unit, step=step, summary=summary)
     make_config(NEURAL_LPV, frame=flights[0].frame)  # refuses other axes

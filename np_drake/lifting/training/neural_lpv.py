@@ -147,7 +147,7 @@ class LpvNetwork(nn.Module):
             statistics = model.statistics(
                 planes, heave, energies(model.probes, products, climb), age, torch
             )
-        self.mean, self.spread = statistics.mean(dim=0), statistics.std(dim=0) + 1e-3
+        self.mean, self.spread = statistics.mean(dim=0), statistics.std(dim=0, correction=0) + 1e-3
 
     def model(self, step: float = 1.0) -> LpvModel:
         """Return the model of inputs as they are, of tensors."""
@@ -178,7 +178,7 @@ class LpvNetwork(nn.Module):
         """Return chi now and every `STRIDE` samples ahead, without units, (n, STEPS + 1, 6).
 
         Args:
-            zeta: (n, HORIZON + 1, 6) from the step before on.
+            zeta: (n, HORIZON + 1, 6) from the step before on, of which `STRIDE` are averaged.
         """
         model = self.model()
         states, theta = model.schedule(

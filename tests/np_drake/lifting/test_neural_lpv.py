@@ -42,6 +42,7 @@ FLIGHT = oscillator(9, 12.0, -3.0)
 ROWS = np.hstack([FLIGHT.chi, FLIGHT.zeta])
 SEEN = neural_lpv.origins([FLIGHT], np.repeat(CONFIG.units, 3))
 NETWORK = neural_lpv.LpvNetwork(CONFIG, SEEN).requires_grad_(False)
+torch.manual_seed(0)
 for parameter in NETWORK.parameters():
     parameter += 0.1 * torch.randn_like(parameter)  # none stays zero
 MODEL = NETWORK.model(STEP).in_numpy()
