@@ -120,6 +120,62 @@ def number_in(header: dict[str, Any], name: str, lowest: float, largest: float) 
     return float(value)
 
 
+Array = Any  # of numpy in flight, a tensor of torch in training
+
+
+@dc.dataclass(frozen=True)
+class Perceptron:
+    """Layers y = W^(L+1) relu(W^L … relu(W^1 x + b^1) …) + b^(L+1), of either kind of arrays."""
+
+    weights: tuple[Array, ...]  # (out, in)
+    biases: tuple[Array, ...]  # (out,)
+
+    def require_sizes(self, inputs: int, outputs: int) -> None:
+        """Raises: ValueError: unless each layer takes what the one before it gives."""
+        width = inputs
+        for W, b in zip(self.weights, self.biases, strict=True):
+            require(
+                W.ndim == 2 and W.shape[1] == width and b.shape == (len(W),),
+                f"Perceptron: each layer must take the {width} outputs before it; got {W.shape}.",
+            )
+            width = len(W)
+        require(
+            self.weights and width == outputs,
+            f"Perceptron: the last layer must have {outputs} outputs; got {width}.",
+        )
+
+    def __call__(self, value: Array) -> Array:
+        """Return y (..., out) of x (..., in)."""
+        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            value = (value @ W.T + b).clip(0.0)
+        return value @ self.weights[-1].T + self.biases[-1]
+
+    def in_numpy(self) -> "Perceptron":
+        """Return it with arrays in the place of tensors."""
+        layers: dict[str, Any] = {
+            name: tuple(np.asarray(part.detach(), float) for part in parts)
+            for name, parts in vars(self).items()
+        }
+        return Perceptron(**layers)
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Return the arrays that a model file holds, by name."""
+        return {
+            f"{letter}{i}": part
+            for letter, parts in (("W", self.weights), ("b", self.biases))
+            for i, part in enumerate(parts)
+        }
+
+    @classmethod
+    def taken_from(cls, tensors: dict[str, np.ndarray]) -> "Perceptron":
+        """Return the layers of the arrays in a model file, and remove them there.
+
+        Raises: KeyError: on missing arrays.
+        """
+        depth = range(sum(name.startswith("W") for name in tensors))
+        return cls(*(tuple(tensors.pop(f"{letter}{i}") for i in depth) for letter in "Wb"))
+
+
 # What building a model of damaged content raises.
 _DAMAGED = (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError)
 

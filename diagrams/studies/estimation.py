@@ -21,10 +21,10 @@ from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, Predictor
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.logs.formats.neurobem import read_training, read_wrenches, table_files
-from np_drake.residual_models.flight_forecasts import model_predictions
+from np_drake.residual_models.flight_forecasts import HELD, flight_forecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.skill.skill import naive_predictions
-from np_drake.training_data.segments import Segment
+from np_drake.training_data.segments import Segment, of_wrenches
 
 CHANNELS = {  # of chi, in each column
     **{"F_x": [0], "F_y": [1], "F_z": [2], "tau_x": [3], "tau_y": [4], "tau_z": [5]},
@@ -85,9 +85,11 @@ def forecast_errors(model: Predictor, flight: Segment, origins: np.ndarray) -> d
     """
     least = model.window + 2
     require(len(flight) >= least, f"at least {least} samples are needed; got {len(flight)}.")
-    predictor = NeuralPredictor.of(model)
-    chi_hat = model_predictions(predictor, flight.chi, flight.zeta, origins, [1], zeta_known=False)
-    return column_rmse(chi_hat[:, 0] - flight.chi[origins + 1])
+    seen, first = of_wrenches(flight.chi, flight.zeta, model.step), int(origins[0])
+    chi_hat = flight_forecasts(
+        NeuralPredictor.of(model), seen, [1], first=first, motion=HELD, averaged=False
+    )
+    return column_rmse(chi_hat[origins - first, 0] - flight.chi[origins + 1])
 
 
 def naive_errors(flight: Segment, origins: np.ndarray) -> dict[str, dict[str, float]]:

@@ -44,9 +44,10 @@ SETTLED = 3.0  # after the ramp, before errors count, of the paper's vehicle [s]
 FAR = 0.03
 OTHERS = ("log_length", "change", "damping")  # that are learned, beside those of each condition
 FACTOR = 2.5  # by which a parameter is tried larger and smaller; own choice [1]
-# Controllers that fly what teaches a network, and the share of each; how long they fly after the
-# ramp, of the paper's vehicle [s]; stream of the draw; own choices
-TEACHERS, TAUGHT, TEACHING = {PAYLOAD_FILTER: 0.7, "hold": 0.3}, 14.0, 7
+TEACHERS = {PAYLOAD_FILTER: 0.7, "hold": 0.3}  # controllers of the first round, shares; own choice
+TAUGHT = 14.0  # how long a flight of a round lasts after the ramp, of the paper's vehicle [s]
+TEACHING = 7  # stream of the draw of controllers
+SOFT = "paper_vehicle"  # scenario whose weights of the MPC fly half of the second round
 GAIN = 0.002  # share of the error that a change must take away; own choice: less is chance [1]
 
 
@@ -84,16 +85,25 @@ def scored_log(flight: FlightResult) -> FlightLog:
     return log.rows(int(flight.scored.argmax()), len(log))
 
 
-def drawn_log(number: int, *, seed: int, vehicle: Vehicle) -> FlightLog | None:
-    """Return the log of a drawn flight that a common controller flies; None where it cannot fly
-    what was drawn, or is lost.
+def drawn_log(number: int, *, seed: int, vehicle: Vehicle, network: str) -> FlightLog | None:
+    """Return the log of a drawn flight; None where it cannot fly what was drawn, or is lost.
+
+    Args:
+        network: model file with which `np` flies it, often with soft weights; empty: a common
+            controller does.
     """
     rng = np.random.default_rng([seed, number, TEACHING])
     try:
         _, config = drawn_flight(number, Envelope(), seed=seed, vehicle=vehicle)
-        kind = str(rng.choice(list(TEACHERS), p=list(TEACHERS.values())))
-        # The packaged filter is of the paper's vehicle
-        config.controller.kind = kind if vehicle.mass == Vehicle().mass else "hold"
+        controller = config.controller
+        if network:
+            controller.kind, controller.predictor = "np", network
+            if rng.random() < 0.5:
+                controller.mpc = load_experiment(SOFT, vehicle).controller.mpc
+        else:
+            kind = str(rng.choice(list(TEACHERS), p=list(TEACHERS.values())))
+            # The packaged filter is of the paper's vehicle
+            controller.kind = kind if vehicle.mass == Vehicle().mass else "hold"
         config.duration = TAUGHT * ratios(vehicle).time
         return fly(config.check(), seed=number).log()
     except (ValueError, FailedRun):
@@ -103,29 +113,35 @@ def drawn_log(number: int, *, seed: int, vehicle: Vehicle) -> FlightLog | None:
 def train_network_on_envelope(
     count: int, *, run: Run, vehicle: Vehicle, epochs: int | None
 ) -> tuple[LpvModel, list[float]]:
-    """Return the network of a simulated vehicle that its training circle and `count` drawn flights
-    teach, and its loss now and then.
+    """Return the network of a simulated vehicle, and its loss now and then.
+
+    A first network learns from the training circle and `count` drawn flights of common controllers,
+    the second one from these and as many that the first has flown.
     """
     circle = fly(load_experiment(TRAINING, vehicle), seed=run.seed)
     step, flights = circle.config.controller.period, [Flight(scored_log(circle), vehicle)]
-    work = partial(drawn_log, seed=run.seed, vehicle=vehicle)
-    logs = dict[int, FlightLog]()
-    with run.bar("flying the envelope", count) as advance:
-        for done, (number, log) in enumerate(
-            as_they_finish(work, range(count), run.workers.jobs), 1
-        ):
-            if isinstance(log, FlightLog):
-                logs[number] = log
-            advance(done, f"{len(logs)} flown")
-    require(logs, "--envelope: this vehicle flew none of what was drawn; draw more flights.")
-    flights += [Flight(logs[number], vehicle) for number in sorted(logs)]
-    with run.bar("training the network", 1.0) as advance:
-        result = train_on_flights(
-            flights,
-            make_config(NEURAL_LPV, seed=run.seed, epochs=epochs),
-            step=step,
-            on_epoch=lambda done, total, loss: advance(done / total, f"loss {loss:.4g}"),
-        )
+    config = make_config(NEURAL_LPV, seed=run.seed, epochs=epochs)
+    with tempfile.TemporaryDirectory() as folder:
+        first = Path(folder) / "first.safetensors"
+        for begin, network in ((0, ""), (count, str(first))):
+            work = partial(drawn_log, seed=run.seed, vehicle=vehicle, network=network)
+            logs = dict[int, FlightLog]()
+            with run.bar("flying the envelope", count) as advance:
+                drawn = as_they_finish(work, range(begin, begin + count), run.workers.jobs)
+                for done, (number, log) in enumerate(drawn, 1):
+                    if isinstance(log, FlightLog):
+                        logs[number] = log
+                    advance(done, f"{len(logs)} flown")
+            require(logs, "--envelope: this vehicle flew none of what was drawn; draw more.")
+            flights += [Flight(logs[number], vehicle) for number in sorted(logs)]
+            with run.bar("training the network", 1.0) as advance:
+                result = train_on_flights(
+                    flights,
+                    config,
+                    step=step,
+                    on_epoch=lambda done, total, loss: advance(done / total, f"loss {loss:.4g}"),
+                )
+            save_model(result.model, first)
     model: Any = result.model
     summary = {**model.summary, "learned": {"flights": len(flights), "seed": run.seed}}
     return dc.replace(model, summary=summary), result.loss

@@ -7,7 +7,7 @@ import numpy as np
 from np_drake.checks import require
 from np_drake.residual_model import Memory, Plan, ReadsPlan, ResidualModel
 from np_drake.rigid_body import P, V, W
-from np_drake.training_data.segments import SampledFlight, of_wrenches
+from np_drake.training_data.segments import SampledFlight
 
 KNOWN, HELD = "known", "held"  # coming motion
 MOTIONS = (KNOWN, HELD)
@@ -99,35 +99,3 @@ def _labels_along(model: ReadsPlan, memory: Memory, plan: Plan, *, averaged: boo
     if not averaged:
         chi = 0.5 * (chi + np.vstack([chi[1:], chi[-1:]]))
     return np.vstack([np.full((1, 6), np.nan), chi])
-
-
-def model_predictions(
-    model: ResidualModel,
-    chi: np.ndarray,
-    zeta: np.ndarray,
-    origins: np.ndarray,
-    horizons: list[int],
-    *,
-    zeta_known: bool,
-    seen: SampledFlight | None = None,
-) -> np.ndarray:
-    """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that walks along a flight.
-
-    Args:
-        chi: (n, 6) labels [N, N·m].
-        zeta: (n, 6) [m/s, rad/s].
-        origins: (o,) sample indices.
-        horizons: [steps].
-        zeta_known: use the true coming motion, else hold the last one.
-        seen: the flight as the model sees it, where it needs more than chi and zeta.
-    """
-    flight = of_wrenches(chi, zeta, model.step) if seen is None else seen
-    chi_hat = flight_forecasts(
-        model,
-        flight,
-        horizons,
-        first=int(origins[0]),
-        motion=KNOWN if zeta_known else HELD,
-        averaged=False,
-    )
-    return chi_hat[origins - origins[0]]

@@ -11,7 +11,15 @@ import numpy as np
 from np_drake import rigid_body
 from np_drake.checks import require
 from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
-from np_drake.trained_model import STEPS, number_in, read_model, summary_in, write_model
+from np_drake.trained_model import (
+    STEPS,
+    Array,
+    Perceptron,
+    number_in,
+    read_model,
+    summary_in,
+    write_model,
+)
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 
@@ -144,58 +152,41 @@ def closed_form(processes: Sequence[Any], scale: np.ndarray) -> GaussianProcess:
     )
 
 
-Array = Any  # of numpy in flight, a tensor of torch in training
-
-
 @dc.dataclass(frozen=True)
 class WrenchNetwork:
-    """Perceptron chi = unit (W^(L+1) relu(W^L … relu(W^1 zeta / scale + b^1) …) + b^(L+1)).
+    """Perceptron chi = unit N(zeta / scale).
 
     Unlike the layers of Phi, these have biases: a payload pulls on the vehicle at rest too. At a
     kink of a ReLU the Jacobian is that of the inactive side.
     """
 
-    weights: tuple[Array, ...]  # (out, in)
-    biases: tuple[Array, ...]  # (out,)
+    network: Perceptron
     scale: Array  # (6,) of zeta [m/s, rad/s]
     unit: Array  # (6,) of chi [N, N·m]
 
     def __post_init__(self):
-        width = 6
-        for W, b in zip(self.weights, self.biases, strict=True):
-            require(
-                W.ndim == 2 and W.shape[1] == width and b.shape == (len(W),),
-                f"WrenchNetwork: each layer must take the {width} outputs before it; "
-                f"got {W.shape}.",
-            )
-            width = len(W)
+        self.network.require_sizes(6, 6)
         require(
-            self.weights and width == 6 and self.scale.shape == (6,) and self.unit.shape == (6,),
-            "WrenchNetwork: the last layer, scale and unit must have six entries.",
+            self.scale.shape == (6,) and self.unit.shape == (6,),
+            "WrenchNetwork: scale and unit must have six entries.",
         )
 
     def __call__(self, zeta: Array) -> Array:
         """Return chi (..., 6) [N, N·m] at zeta (..., 6) [m/s, rad/s]."""
-        value = zeta / self.scale
-        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            value = (value @ W.T + b).clip(0.0)
-        return (value @ self.weights[-1].T + self.biases[-1]) * self.unit
+        return self.network(zeta / self.scale) * self.unit
 
     def jacobian(self, zeta: np.ndarray) -> np.ndarray:
         """Return dchi/dzeta (n, 6, 6) at zeta (n, 6)."""
-        value = zeta / self.scale
+        value, (*hidden, last) = zeta / self.scale, self.network.weights
         slope = np.broadcast_to(np.diag(1.0 / self.scale), (*value.shape, 6))
-        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
+        for W, b in zip(hidden, self.network.biases[:-1], strict=True):
             before = value @ W.T + b
             value, slope = np.maximum(before, 0.0), (before > 0)[..., None] * (W @ slope)
-        return self.unit[:, None] * (self.weights[-1] @ slope)
+        return self.unit[:, None] * (last @ slope)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Return the arrays that a model file holds, by name."""
-        layers = {f"W{i}": W for i, W in enumerate(self.weights)} | {
-            f"b{i}": b for i, b in enumerate(self.biases)
-        }
-        return layers | {"scale": self.scale, "unit": self.unit}
+        return self.network.tensors() | {"scale": self.scale, "unit": self.unit}
 
     @classmethod
     def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "WrenchNetwork":
@@ -203,9 +194,7 @@ class WrenchNetwork:
 
         Raises: KeyError, ValueError: on missing or inconsistent arrays.
         """
-        depth = range(sum(name.startswith("W") for name in tensors))
-        weights, biases = (tuple(tensors[f"{letter}{i}"] for i in depth) for letter in "Wb")
-        return cls(weights, biases, tensors["scale"], tensors["unit"])
+        return cls(Perceptron.taken_from(tensors), tensors["scale"], tensors["unit"])
 
 
 GP, KNODE = "gp", "knode"  # names

@@ -28,7 +28,7 @@ from np_drake.residual_models.motion_model import (
     fit_gaussian_process,
 )
 from np_drake.rotor_input import acting_command, with_rotor_lag
-from np_drake.trained_model import origin_of, with_origin
+from np_drake.trained_model import Perceptron, origin_of, with_origin
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.actuator_timing import delayed, delays_sought, learned_timing
 from np_drake.training_data.segments import Flight, finite_runs, group_scale
@@ -143,7 +143,8 @@ def fit_knode(
     )
     x, u, scale = _windows(logs, vehicle, config)
     unit = np.concatenate([np.full(3, vehicle.mass), np.diag(vehicle.J)])  # of 1 m/s² and 1 rad/s²
-    network = _initial_network(config, scale, unit)
+    network = _initial_network(config)
+    tried = WrenchNetwork(network, torch.from_numpy(scale), torch.from_numpy(unit))
     roll = partial(rollout, vehicle, float(steps[0]))
     with torch.no_grad():
         missed = x[:, 1:, 7:] - roll(x[:, 0], u, torch.zeros_like)
@@ -153,7 +154,7 @@ def fit_knode(
         weight = 1.0 / missed.unflatten(-1, (2, 3)).pow(2).mean(dim=(0, 1, 3)).clamp_min(1e-12)
 
     def loss(rows: torch.Tensor) -> torch.Tensor:
-        error = roll(x[rows, 0], u[rows], network) - x[rows, 1:, 7:]
+        error = roll(x[rows, 0], u[rows], tried) - x[rows, 1:, 7:]
         return (error.unflatten(-1, (2, 3)).pow(2).mean(dim=(0, 1, 3)) * weight).mean()
 
     optimiser = torch.optim.AdamW(
@@ -162,13 +163,10 @@ def fit_knode(
         weight_decay=config.weight_decay,
     )
     history = descend(optimiser, loss, len(x), config, on_epoch=on_epoch)
-    weights, biases = (
-        tuple(value.detach().numpy() for value in of) for of in (network.weights, network.biases)
-    )
-    return WrenchNetwork(weights, biases, scale, unit), history
+    return WrenchNetwork(network.in_numpy(), scale, unit), history
 
 
-def _initial_network(config: KnodeConfig, scale: np.ndarray, unit: np.ndarray) -> WrenchNetwork:
+def _initial_network(config: KnodeConfig) -> Perceptron:
     """Return a random network of tensors with gradients that starts as a constant."""
     generator = torch.Generator().manual_seed(config.seed)
     weights = []
@@ -179,8 +177,7 @@ def _initial_network(config: KnodeConfig, scale: np.ndarray, unit: np.ndarray) -
     biases = [torch.zeros(len(W), dtype=W.dtype) for W in weights]
     for value in (*weights, *biases):
         value.requires_grad_()
-    units = torch.from_numpy(scale), torch.from_numpy(unit)
-    return WrenchNetwork(tuple(weights), tuple(biases), *units)
+    return Perceptron(tuple(weights), tuple(biases))
 
 
 def rollout(

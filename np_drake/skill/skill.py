@@ -14,7 +14,7 @@ from np_drake.logs.formats.neurobem import TESTS
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import ResidualModel
-from np_drake.residual_models.flight_forecasts import model_predictions
+from np_drake.residual_models.flight_forecasts import KNOWN, flight_forecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.trained_model import origin_of, require_origin
 from np_drake.training_data.segments import (
@@ -37,7 +37,7 @@ def skill_table(
     horizons: list[int],
     mean: np.ndarray,
     target: np.ndarray | None = None,
-    zeta_known: bool = True,
+    motion: str = KNOWN,
     warm_up: int = 40,
     flight: str = "flight",
     seen: Mapping[str, SampledFlight] = MappingProxyType({}),
@@ -58,7 +58,7 @@ def skill_table(
         horizons: steps ahead: origin k predicts sample k + horizon.
         mean: (6,) of chi in training [N, N·m].
         target: (n, 6) wrench that forecasts are compared with [N, N·m]; None for chi.
-        zeta_known: feed the true coming zeta, else hold the last one.
+        motion: `known` | `held`, as of `flight_forecasts`.
         seen: by the name of a model that needs more than chi and zeta: the flight as it sees it, at
             the same samples.
     Raises: ValueError: if the flight is too short for one origin.
@@ -73,9 +73,11 @@ def skill_table(
     goal = (chi if target is None else target)[origins[:, None] + horizons]
     predictions = naive_predictions(chi, origins, horizons, mean)
     for name, model in models.items():
-        predictions[name] = model_predictions(
-            model, chi, zeta, origins, horizons, zeta_known=zeta_known, seen=seen.get(name)
+        own = seen.get(name, of_wrenches(chi, zeta, model.step))
+        chi_hat = flight_forecasts(
+            model, own, horizons, first=warm_up, motion=motion, averaged=False
         )
+        predictions[name] = chi_hat[: len(origins)]
     rmse = {
         name: np.sqrt((_size(prediction - goal) ** 2).mean(axis=0))
         for name, prediction in predictions.items()
@@ -182,7 +184,7 @@ def score_flights(
             horizons=horizons,
             mean=segment.chi.mean(axis=0),
             target=segment.goal,
-            zeta_known=zeta == "known",
+            motion=zeta,
             warm_up=max(WARM_UP, model.window if isinstance(model, LiftedModel) else 1),
             flight=TESTS.get(f"merged_{flight.data.name}", flight.data.name),  # the paper's name
             seen={name: seen},
@@ -222,12 +224,13 @@ def diverged(rows: list[dict[str, Any]]) -> list[str]:
     """Return the flights on which a model's RMSE is no number, or a forecast is `DIVERGED` times
     the longest label; nothing keeps a naive one from that.
     """
-    return sorted(
-        {row["flight"] for row in rows if row["model"] not in UNTRAINED and not _bounded(row)}
-    )
-
-
-def _bounded(row: dict[str, Any]) -> bool:
-    peaks = [row[f"{kind}_peak"] for kind in ("force", "torque")]
-    finite = np.isfinite(row["force_rmse"]) and np.isfinite(row["torque_rmse"])
-    return bool(finite and not any(peak > DIVERGED for peak in peaks))
+    lost = {
+        row["flight"]
+        for row in rows
+        if row["model"] not in UNTRAINED
+        and any(
+            not np.isfinite(row[f"{kind}_rmse"]) or row[f"{kind}_peak"] > DIVERGED
+            for kind in ("force", "torque")
+        )
+    }
+    return sorted(lost)

@@ -1,6 +1,6 @@
 """A lifted linear system that a network schedules: linear parameter-varying (LPV).
 
-    theta = N(statistics of the window),   z = sum_j g_j(theta) E_j w
+    theta = N(statistics of the window),   z = sum_j g_j E_j w
     z+ = A(theta) z + B(theta) zeta,   chi_hat = C(theta) z
 
 theta is held within a horizon. A vehicle that hovers is the same in x and y, and left to right. So
@@ -20,12 +20,11 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Taps
-from np_drake.trained_model import STEPS, number_in, summary_in
+from np_drake.trained_model import STEPS, Array, Perceptron, number_in, summary_in
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import PERIOD, ratios
 
 NEURAL_LPV = "neural-lpv"
-Array = Any  # of numpy in flight, a tensor of torch in training
 LPV_SCHEMA = "np_drake.lpv_model/1"  # format of the file and its version
 TAPS = Taps.averaging(100, 8, 12)  # what the encoders see of a window
 BLOCKS, BLOCK = 10, 8  # means of so many samples, of which the statistics are made [1]
@@ -76,12 +75,11 @@ class Features:
         shape, moved = windows.shape[:-2], windows[..., CHANNELS] * SIGNS
         seen = (TAPS.matrix @ moved).reshape(*shape, -1, 2, 4)
         parts = moved[..., -BLOCKS * BLOCK :, :].reshape(*shape, BLOCKS, BLOCK, 2, 4)
-        means = parts[..., :2].mean(axis=-3)
         up = windows[..., 8]
         return cls(
             np.moveaxis(seen, -2, -3).reshape(*shape, 2, -1),
             (TAPS.matrix @ windows[..., VERTICAL]).reshape(*shape, -1),
-            np.moveaxis(means, -2, -3).reshape(*shape, 2, -1),
+            np.moveaxis(parts[..., :2].mean(axis=-3), -2, -3).reshape(*shape, 2, -1),
             np.stack([up[..., -1], up[..., -1] - up[..., -1 - BLOCK]], axis=-1),
         )
 
@@ -98,8 +96,7 @@ class LpvModel:
     torque: Array  # (PLANE,) of the states of a plane in its torque
     probes: Array  # (2, P, BLOCKS 2) what the statistics of each decay are taken of
     glances: Array  # (Q, taps 4) of which the present size is read
-    weights: tuple[Array, ...]  # (out, in) of the network
-    biases: tuple[Array, ...]  # (out,)
+    network: Perceptron  # of the statistics: gates and theta
     summary: dict[str, Any] = dc.field(default_factory=dict)  # of the training, for people
 
     configuration = NEURAL_LPV
@@ -121,25 +118,14 @@ class LpvModel:
             found = getattr(self, name).shape
             require(found == shape, f"LpvModel: {name} must be {shape}; got {found}.")
         require(np.all(self.scale > 0), "LpvModel: scale must be positive.")
-        width = len(DECAYS) * (P + 2) + Q + 2 * taps + 1
-        for W, b in zip(self.weights, self.biases, strict=True):
-            require(
-                W.ndim == 2 and W.shape[1] == width and b.shape == (len(W),),
-                f"LpvModel: each layer must take the {width} outputs before it; got {W.shape}.",
-            )
-            width = len(W)
-        require(
-            width == J + PARAMETERS,
-            f"LpvModel: the network must have {J + PARAMETERS} outputs; got {width}.",
-        )
+        read = len(DECAYS) * (P + 2) + Q + 2 * taps + 1
+        self.network.require_sizes(read, J + PARAMETERS)
 
     def in_numpy(self) -> "LpvModel":
         """Return the model with arrays in the place of tensors."""
         names = ("experts", "lifts", "level", "torque", "probes", "glances")
         found: dict[str, Any] = {name: np.asarray(getattr(self, name), float) for name in names}
-        for name in ("weights", "biases"):
-            found[name] = tuple(np.asarray(part, float) for part in getattr(self, name))
-        return dc.replace(self, **found)
+        return dc.replace(self, **found, network=self.network.in_numpy())
 
     def energies(self, features: Features) -> np.ndarray:
         """Return the squares (2, P + 2) whose decaying means are the statistics."""
@@ -165,10 +151,7 @@ class LpvModel:
             xp: numpy, or torch where all arrays are tensors.
         """
         batch, J = planes.shape[:-2], len(self.experts)
-        value = self.statistics(planes, heave, mean, age, xp)
-        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            value = (value @ W.T + b).clip(0.0)
-        value = value @ self.weights[-1].T + self.biases[-1]
+        value = self.network(self.statistics(planes, heave, mean, age, xp))
         gates = xp.exp(value[..., :J].clip(-MOST, MOST))
         gates = gates / gates.sum(-1)[..., None]
         mixed = (gates @ self.experts.reshape(J, -1)).reshape(*batch, PLANE, -1)
@@ -213,15 +196,12 @@ class LpvModel:
 
 def lpv_tensors(model: LpvModel) -> dict[str, np.ndarray]:
     """Return the arrays that a model file holds, by name."""
-    tensors = {name: value for name, value in vars(model).items() if isinstance(value, np.ndarray)}
-    for i, (W, b) in enumerate(zip(model.weights, model.biases, strict=True)):
-        tensors |= {f"W{i}": W, f"b{i}": b}
-    return tensors
+    return model.network.tensors() | {
+        name: value for name, value in vars(model).items() if isinstance(value, np.ndarray)
+    }
 
 
 def lpv_model_of(tensors: dict[str, Any], header: dict[str, Any]) -> LpvModel:
     """Return the model of the content of a file."""
-    layers = range(sum(name.startswith("W") for name in tensors))
-    weights, biases = (tuple(tensors.pop(f"{kind}{i}") for i in layers) for kind in "Wb")
-    more: dict[str, Any] = {"weights": weights, "biases": biases, "summary": summary_in(header)}
-    return LpvModel(number_in(header, "step", *STEPS), **tensors, **more)
+    network, step = Perceptron.taken_from(tensors), number_in(header, "step", *STEPS)
+    return LpvModel(step, **tensors, network=network, summary=summary_in(header))

@@ -34,8 +34,7 @@ THRESHOLD = 4.0  # motion over its noise from which a direction counts as excite
 def excitation(segments: list[Segment]) -> str:
     """Return which directions of zeta move more than their noise in the segments, in one line.
 
-    Directions are the principal axes of zeta over its noise. A single circle has nearly all its
-    power in one line, and cannot show modes at other frequencies.
+    Directions are the principal axes of zeta over its noise.
     """
     zeta = [segment.zeta for segment in segments]
     sigma = np.hypot(
@@ -57,21 +56,7 @@ def excitation(segments: list[Segment]) -> str:
             )
         ]
         line += f", not {', '.join(named)}"
-    frequency, share = _strongest_line(max(zeta, key=len) / sigma, segments[0].step)
-    if share > 0.8:
-        line += f"; {100 * share:.0f} % of the motion is one line at {frequency:.2f} Hz"
     return line + "."
-
-
-def _strongest_line(zeta: np.ndarray, step: float) -> tuple[float, float]:
-    """Return frequency [Hz] and share of power of the strongest line (three bins, Hann window),
-    channels pooled.
-    """
-    taper = np.hanning(len(zeta))[:, None]
-    power = np.sum(np.abs(np.fft.rfft(taper * (zeta - zeta.mean(axis=0)), axis=0)) ** 2, axis=1)
-    peak = int(np.argmax(power[1:])) + 1
-    share = power[max(peak - 1, 0) : peak + 2].sum() / max(power.sum(), 1e-300)
-    return float(np.fft.rfftfreq(len(zeta), step)[peak]), float(share)
 
 
 def _name(direction: np.ndarray) -> str:

@@ -107,7 +107,7 @@ def test_the_envelope_is_flown_and_learnt_without_a_log(tmp_path, capsys):
     assert out.with_suffix(".png").exists()
     assert "2 of 2 flights" not in capsys.readouterr().out  # a bar, not a table
     assert run([*arguments, "--configuration", "neural-lpv", "--epochs", "20"]) == 0
-    assert load_model(out).summary["learned"] == {"flights": 3, "seed": 0}  # a training circle too
+    assert load_model(out).summary["learned"] == {"flights": 5, "seed": 0}  # a training circle too
 
 
 def test_a_log_in_which_nothing_moves_is_refused_unless_forced(logs, tmp_path, capsys):

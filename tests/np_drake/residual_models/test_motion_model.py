@@ -3,6 +3,7 @@ import pytest
 
 from np_drake.residual_model import Sample
 from np_drake.residual_models.motion_model import GaussianProcess, MotionModel, WrenchNetwork
+from np_drake.trained_model import Perceptron
 
 RNG = np.random.default_rng(0)
 PROCESS = GaussianProcess(
@@ -12,8 +13,9 @@ PROCESS = GaussianProcess(
     RNG.normal(size=6),
 )
 NETWORK = WrenchNetwork(
-    (RNG.normal(size=(8, 6)), RNG.normal(size=(6, 8))),
-    (RNG.normal(size=8), RNG.normal(size=6)),
+    Perceptron(
+        (RNG.normal(size=(8, 6)), RNG.normal(size=(6, 8))), (RNG.normal(size=8), RNG.normal(size=6))
+    ),
     np.ones(6),
     np.ones(6),
 )

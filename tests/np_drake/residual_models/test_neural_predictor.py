@@ -12,6 +12,7 @@ from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedMo
 from np_drake.lifting.model.lpv_model import NEURAL_LPV, PARAMETERS, LpvModel
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import LiftedPredictor, NeuralPredictor
+from np_drake.trained_model import Perceptron
 
 D, STEP = 4, 0.02
 A = np.diag([0.9, 0.8, 0.95, 0.7, 0.6, 0.5])
@@ -101,8 +102,8 @@ def lpv_model() -> LpvModel:
     """Of random weights."""
     draw = np.random.default_rng(0).normal
     arrays = [draw(size=s) for s in ((2, 7, 80), (2, 3, 40), 80, 7, (2, 3, 20), (4, 80))]
-    weights, biases = (draw(size=(2 + PARAMETERS, 55)),), (draw(size=2 + PARAMETERS),)
-    return LpvModel(STEP, np.ones(12), *arrays, weights, biases)
+    network = Perceptron((draw(size=(2 + PARAMETERS, 55)),), (draw(size=2 + PARAMETERS),))
+    return LpvModel(STEP, np.ones(12), *arrays, network)
 
 
 MODELS = {"delay": last_sample_model(), PAPER: paper_model(), NEURAL_LPV: lpv_model()}

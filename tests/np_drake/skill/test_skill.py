@@ -57,7 +57,7 @@ def test_a_model_that_knows_everything_has_the_error_of_a_held_zeta():
             assert rows["np", horizon][f"{kind}_rmse"] == pytest.approx(0.0, abs=1e-12)
     other = table({"np": Linear()}, chi, zeta, target=chi + 1.0)
     assert other["np", 0]["force_rmse"] == pytest.approx(np.sqrt(3))
-    held = table({"np": Linear()}, chi, zeta, zeta_known=False)
+    held = table({"np": Linear()}, chi, zeta, motion="held")
     assert held["np", 1]["force_rmse"] == pytest.approx(0.0, abs=1e-12)
     assert held["np", 3]["force_rmse"] > 0.01
 
