@@ -75,7 +75,8 @@ def commands() -> str:
     group: Any = typer.main.get_command(app)
     rows = []
     for name in VERBS:
-        command, target = group.get_command(None, name), PAGES.get(name)
+        command = group.get_command(None, name)
+        target = PAGES.get(name)
         link = f"[{Path(target).stem.replace('-', ' ')}](../{target})" if target else ""
         for inner, verb in getattr(command, "commands", {"": command}).items():
             does = _plain(_first_sentence(verb.help or ""))
@@ -149,7 +150,8 @@ def part(name: str, path: str = "") -> Any:
     module, _, kind = name.rpartition(".")
     thing = getattr(importlib.import_module(module), kind)()
     for field in filter(None, path.split(".")):
-        hint, thing = fields_of(type(thing))[field], getattr(thing, field)
+        hint = fields_of(type(thing))[field]
+        thing = getattr(thing, field)
         if not dc.is_dataclass(thing):  # a list of them, or none yet
             thing = next(kind for kind in typing.get_args(hint) if dc.is_dataclass(kind))()
     return thing
@@ -162,7 +164,8 @@ def described(thing: Any) -> dict[str, tuple[str, str, str]]:
     source = inspect.getsource(type(thing))
     tokens = tokenize.generate_tokens(io.StringIO(source).readline)
     comments = {t.start[0]: t for t in tokens if t.type == tokenize.COMMENT}
-    metadata, found = {field.name: field.metadata for field in dc.fields(thing)}, {}
+    metadata = {field.name: field.metadata for field in dc.fields(thing)}
+    found = {}
     for node in ast.parse(source).body[0].body:  # type: ignore[attr-defined]
         if not isinstance(node, ast.AnnAssign):
             continue
@@ -172,7 +175,8 @@ def described(thing: Any) -> dict[str, tuple[str, str, str]]:
         lines = range(first, (node.end_lineno or first) + 1)
         text = " ".join(comments[k].string.strip("# ") for k in lines if k in comments)
         name, unit = node.target.id, UNIT.search(text)  # type: ignore[union-attr]
-        about, value = metadata[name], getattr(thing, name)
+        about = metadata[name]
+        value = getattr(thing, name)
         shown = about.get("unit") or (unit[1] if unit else "1" if type(value) is int else "–")
         meaning = about.get("meaning") or UNIT.sub("", text)
         if "words" in about and not about["meaning"]:

@@ -18,7 +18,8 @@ NODE = re.compile(r"^(s\d+) \[.*?^>\];\n", re.M | re.S)
 def loop_graph() -> str:
     """Return the loop in Graphviz's language, without the recorder and what is behind it."""
     config = load_experiment("circle")
-    config.controller.kind, config.controller.predictor = "np", str(NP_MODEL)
+    config.controller.kind = "np"
+    config.controller.predictor = str(NP_MODEL)
     text = make_flight_diagram(config).GetGraphvizString(max_depth=1)
     for node in [node for node in NODE.finditer(text) if "name=record" in node[0]]:
         text = text.replace(node[0], "")

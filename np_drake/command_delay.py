@@ -14,9 +14,8 @@ from np_drake.vehicle.scaling import ratios
 LONGEST_DELAY = 6  # delay that is looked for [periods]
 FINE = 4  # delays tried in a period [1]
 KEPT = LONGEST_DELAY + 34  # commands that are kept: of the longest delay, and of the lag before [1]
-WINDOW = (
-    2.0  # over which evidence is averaged, at the paper's vehicle's pace [s]; source: stated prior
-)
+# over which evidence is averaged, at the paper's vehicle's pace [s]; source: stated prior
+WINDOW = 2.0
 # prior probability that the delay is not the one believed so far [1]; source: stated prior
 CHANGED = 1e-3
 # Two steps share a reading, so that n of them tell less: 1 + 2 rho² of the squares of differenced
@@ -55,9 +54,12 @@ class DelayFilter:
             raise ValueError(
                 f"DelayFilter: the delay must be 0 to {LONGEST_DELAY * step:g} s; got {known:g} s."
             )
-        self.step, self.track, self._vehicle = step, track, vehicle
+        self.step = step
+        self.track = track
+        self._vehicle = vehicle
         self._known = round(FINE * known / step)
-        pace, own = ratios(vehicle).clock, vehicle.rotor_time_constant
+        pace = ratios(vehicle).clock
+        own = vehicle.rotor_time_constant
         lags = (own,) if own > 0 else tuple(pace * lag for lag in LAGS)
         decay = [
             rotor_decay(dc.replace(vehicle, rotor_time_constant=lag), step / FINE) for lag in lags
@@ -68,7 +70,9 @@ class DelayFilter:
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample: hover, and the delay that is known."""
-        hover, lags, delays = self._vehicle.hover_input, len(self._shares), LONGEST_DELAY * FINE + 1
+        hover = self._vehicle.hover_input
+        lags = len(self._shares)
+        delays = LONGEST_DELAY * FINE + 1
         return {
             "sent": np.tile(hover, (KEPT, 1)),
             "rotor": np.tile(rotor_speed(self._vehicle, hover), (lags, 1)),

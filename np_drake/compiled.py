@@ -87,7 +87,9 @@ def finite(values):
 @compiled
 def turned(w, x, y, z, a, b, c):
     """Return a vector in B turned to W; the conjugate quaternion turns back."""
-    i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
+    i = y * c - z * b
+    j = z * a - x * c
+    k = x * b - y * a
     return (
         a + 2 * (w * i + y * k - z * j),
         b + 2 * (w * j + z * i - x * k),

@@ -123,9 +123,8 @@ class FlightLog:
     start: float = 0.0
     neighbours: tuple[Neighbour, ...] = ()
     throttle_map: ThrottleMap | PowerMap | None = None
-    notes: list[str] = dc.field(
-        default_factory=list
-    )  # what a reader derived, differentiated or repaired
+    # what a reader derived, differentiated or repaired
+    notes: list[str] = dc.field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.t)

@@ -28,7 +28,9 @@ from np_drake.rotor_input import (
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios
 
-FORCE, TORQUE = slice(0, 3), slice(3, 6)  # within chi
+# within chi
+FORCE = slice(0, 3)
+TORQUE = slice(3, 6)
 
 
 @dc.dataclass
@@ -89,7 +91,8 @@ def default_labels(vehicle: Vehicle) -> LabelConfig:
     """Return the low-pass for `vehicle`: that of the paper's at the pace of its own sampling
     (`Scales.clock`).
     """
-    pace, paper = ratios(vehicle).clock, LabelConfig()
+    pace = ratios(vehicle).clock
+    paper = LabelConfig()
     return LabelConfig(paper.force_bandwidth / pace, paper.torque_bandwidth / pace, paper.order)
 
 
@@ -149,7 +152,8 @@ class LabelFilter:
         )
         if not finite(raw):
             return {**memory, "rotor": rotor}, np.full(6, np.nan)
-        state, chi = memory["state"].copy(), np.empty(6)
+        state = memory["state"].copy()
+        chi = np.empty(6)
         for channels, sos in self._filters:
             if not memory["started"][0]:
                 state[:, :, channels] = scipy.signal.sosfilt_zi(sos)[:, :, None] * raw[channels]

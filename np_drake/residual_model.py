@@ -92,7 +92,8 @@ class WrenchForecast:
     def force_alone(self) -> "WrenchForecast":
         """Return the forecast without torque."""
         reaction = None if self.reaction is None else ForceAlone(self.reaction)
-        C, offset = self.C * FORCE[:, None], self.offset * FORCE
+        C = self.C * FORCE[:, None]
+        offset = self.offset * FORCE
         return dc.replace(self, C=C, offset=offset, reaction=reaction)
 
     def rollout(self, zeta: np.ndarray) -> np.ndarray:
@@ -100,7 +101,8 @@ class WrenchForecast:
         chi = np.array(self.offset, float)
         if len(self.z):
             z = np.empty((len(chi), len(self.z)))
-            z[0], z[1:] = self.z, zeta[:-1] @ self.B.T
+            z[0] = self.z
+            z[1:] = zeta[:-1] @ self.B.T
             _advance(np.ascontiguousarray(self.A, float), z)
             chi += z @ self.C.T
         return chi if self.reaction is None else chi + self.reaction(zeta)

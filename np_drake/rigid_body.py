@@ -11,8 +11,15 @@ from np_drake import attitude
 from np_drake.compiled import compiled, times
 from np_drake.vehicle import Vehicle
 
-P, Q, V, W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)  # parts of the state
-STATE_SIZE, INPUT_SIZE, WRENCH_SIZE = 13, 4, 6  # of x, u and chi [1]
+# parts of the state
+P = slice(0, 3)
+Q = slice(3, 7)
+V = slice(7, 10)
+W = slice(10, 13)
+# of x, u and chi [1]
+STATE_SIZE = 13
+INPUT_SIZE = 4
+WRENCH_SIZE = 6
 
 
 def zeta(x: np.ndarray) -> np.ndarray:
@@ -31,7 +38,9 @@ def state_derivative(vehicle: Vehicle, x: np.ndarray, u: np.ndarray, chi: np.nda
         chi: (..., 6) residual wrench [N, N·m].
     Source: Jin et al. 2025, eq. (1).
     """
-    q, v, w = x[..., Q], x[..., V], x[..., W]
+    q = x[..., Q]
+    v = x[..., V]
+    w = x[..., W]
     a = (u[..., :1] * attitude.body_z(q) + chi[..., :3]) / vehicle.mass
     a[..., 2] -= vehicle.gravity
     J = vehicle.J
@@ -76,7 +85,8 @@ def _residual_wrench(q, w, a, al, u, mass, gravity, J):
         2 * (q[2] * q[3] - q[0] * q[1]),
         q[0] * q[0] - q[1] * q[1] - q[2] * q[2] + q[3] * q[3],
     )
-    h, change = times(J, w[0], w[1], w[2]), times(J, al[0], al[1], al[2])
+    h = times(J, w[0], w[1], w[2])
+    change = times(J, al[0], al[1], al[2])
     out = np.empty(6)
     for row in range(3):
         out[row] = mass * a[row] - u[0] * z[row]

@@ -44,7 +44,8 @@ class BetaflightAutopilot(LeafSystem):
 
     def __init__(self, vehicle: Vehicle, firmware: Betaflight):
         super().__init__()
-        self._vehicle, self.firmware = vehicle, firmware
+        self._vehicle = vehicle
+        self.firmware = firmware
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._acceleration_port = self.DeclareVectorInputPort("acceleration", 6)
         self._command_port = self.DeclareVectorInputPort("rates_thrust", 4)
@@ -55,13 +56,15 @@ class BetaflightAutopilot(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._step)
 
     def _arm(self, context, discrete_state) -> None:
-        x, g = self._x_port.Eval(context), self._vehicle.gravity
+        x = self._x_port.Eval(context)
+        g = self._vehicle.gravity
         level = np.array([1.0, 0.0, 0.0, 0.0])
         at_rest = Sensed(np.zeros(3), np.array([0.0, 0.0, g]), level, x[P], np.zeros(3))
         discrete_state.set_value(self.firmware.arm(at_rest, self._command_port.Eval(context)[0]))
 
     def _step(self, context, discrete_state) -> None:
-        x, a = self._x_port.Eval(context), self._acceleration_port.Eval(context)[:3]
+        x = self._x_port.Eval(context)
+        a = self._acceleration_port.Eval(context)[:3]
         q = x[Q] / np.linalg.norm(x[Q])
         f = attitude.rotate_back(q, a + [0.0, 0.0, self._vehicle.gravity])
         command = self._command_port.Eval(context)

@@ -78,7 +78,8 @@ class Cable(LeafSystem):
         """
         state = self._state_port.Eval(context)[self._rows]
         nodes = context.get_continuous_state_vector().CopyToVector().reshape(-1, 6)
-        force, pulls = np.zeros(12), np.zeros((len(nodes), 3))
+        force = np.zeros(12)
+        pulls = np.zeros((len(nodes), 3))
         holds = context.get_discrete_state(0).GetAtIndex(0)
         cable_force(state, nodes, holds, *self.line, force, pulls)
         return state, nodes, force, pulls
@@ -120,8 +121,10 @@ class Rope(Cable):
 
     def __init__(self, plant: MultibodyPlant, payload: PayloadConfig, **events: float):
         super().__init__(plant, payload, **events)
-        n, M = payload.segments, payload.rope_mass
-        self._mass, self._brake = M / n, payload.rope_air_damping
+        n = payload.segments
+        M = payload.rope_mass
+        self._mass = M / n
+        self._brake = payload.rope_air_damping
         self._gravity = plant.gravity_field().gravity_vector()
         below = payload.mass + M * (1.0 - np.arange(n) / n)
         length, stiffness, _ = payload.pieces[:-1].T
@@ -156,12 +159,21 @@ def cable_force(s, nodes, holds, hook, pieces, out, pulls):
         out: (12,) generalized force on the pair, which comes zeroed [N·m, N].
         pulls: (n, 3) force on each point mass, which comes zeroed [N].
     """
-    n, here, there, f = len(nodes), np.empty(6), np.empty(6), np.zeros(3)
+    n = len(nodes)
+    here = np.empty(6)
+    there = np.empty(6)
+    f = np.zeros(3)
     r_x, r_y, r_z = turned(s[0], s[1], s[2], s[3], hook[0], hook[1], hook[2])
-    w_x, w_y, w_z = s[14], s[15], s[16]
-    here[0], here[1], here[2] = r_x, r_y, r_z
+    w_x = s[14]
+    w_y = s[15]
+    w_z = s[16]
+    here[0] = r_x
+    here[1] = r_y
+    here[2] = r_z
     # velocities are those seen from Bo
-    here[3], here[4], here[5] = w_y * r_z - w_z * r_y, w_z * r_x - w_x * r_z, w_x * r_y - w_y * r_x
+    here[3] = w_y * r_z - w_z * r_y
+    here[4] = w_z * r_x - w_x * r_z
+    here[5] = w_x * r_y - w_y * r_x
     for i in range(n + 1):
         for k in range(3):
             there[k] = nodes[i, k] if i < n else s[11 + k] - s[4 + k]
@@ -169,7 +181,8 @@ def cable_force(s, nodes, holds, hook, pieces, out, pulls):
         if i > 0 or holds:
             _pull(here, there, pieces[i], f)
         for k in range(3):
-            here[k], here[3 + k] = there[k], there[3 + k]
+            here[k] = there[k]
+            here[3 + k] = there[3 + k]
             if i == 0:
                 out[3 + k] = f[k]
             else:
@@ -178,8 +191,12 @@ def cable_force(s, nodes, holds, hook, pieces, out, pulls):
                 out[9 + k] = -f[k]
             else:
                 pulls[i, k] -= f[k]
-    f_x, f_y, f_z = out[3], out[4], out[5]
-    out[0], out[1], out[2] = r_y * f_z - r_z * f_y, r_z * f_x - r_x * f_z, r_x * f_y - r_y * f_x
+    f_x = out[3]
+    f_y = out[4]
+    f_z = out[5]
+    out[0] = r_y * f_z - r_z * f_y
+    out[1] = r_z * f_x - r_x * f_z
+    out[2] = r_x * f_y - r_y * f_x
 
 
 @compiled
@@ -192,11 +209,19 @@ def _pull(here, there, piece, f):
         piece: (3,) as of `cable_force`.
         f: (3,) to be written [N].
     """
-    d_x, d_y, d_z = there[0] - here[0], there[1] - here[1], there[2] - here[2]
-    u_x, u_y, u_z = there[3] - here[3], there[4] - here[4], there[5] - here[5]
+    d_x = there[0] - here[0]
+    d_y = there[1] - here[1]
+    d_z = there[2] - here[2]
+    u_x = there[3] - here[3]
+    u_y = there[4] - here[4]
+    u_z = there[5] - here[5]
     span = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
-    f[0], f[1], f[2] = 0.0, 0.0, 0.0
+    f[0] = 0.0
+    f[1] = 0.0
+    f[2] = 0.0
     if span > piece[0]:
         rate = (d_x * u_x + d_y * u_y + d_z * u_z) / span
         tension = max(piece[1] * (span - piece[0]) + piece[2] * rate, 0.0)
-        f[0], f[1], f[2] = tension * d_x / span, tension * d_y / span, tension * d_z / span
+        f[0] = tension * d_x / span
+        f[1] = tension * d_y / span
+        f[2] = tension * d_z / span

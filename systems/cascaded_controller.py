@@ -49,7 +49,8 @@ class CascadedController(LeafSystem):
         output.SetFromVector(context.get_discrete_state(0).value()[:4])
 
     def _update(self, context, discrete_state) -> None:
-        held, t = context.get_discrete_state(0).CopyToVector(), context.get_time()
+        held = context.get_discrete_state(0).CopyToVector()
+        t = context.get_time()
         x = self._x_port.Eval(context)
         if not np.all(np.isfinite(x)):  # the integral would never be a number again
             discrete_state.set_value(0, np.concatenate([held[:10], [t]]))

@@ -54,10 +54,11 @@ class MassChange(LeafSystem):
             changes: by time; each keeps what those before it set.
         """
         super().__init__()
-        self._plant, self._vehicle, self._forces = plant, vehicle, MultibodyForces(plant)
-        self._contexts = [
-            plant.CreateDefaultContext()
-        ]  # workspace: the state is set before each use
+        self._plant = plant
+        self._vehicle = vehicle
+        self._forces = MultibodyForces(plant)
+        # workspace: the state is set before each use
+        self._contexts = [plant.CreateDefaultContext()]
         size = plant.num_velocities()
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
         self._force_port = self.DeclareVectorInputPort("generalized_force", size)
@@ -71,14 +72,13 @@ class MassChange(LeafSystem):
             declare_event_at(self, time, setting(float(count)))
 
     def _calc_force(self, context, output) -> None:
-        force, count = (
-            self._force_port.Eval(context),
-            int(context.get_discrete_state(0).GetAtIndex(0)),
-        )
+        force = self._force_port.Eval(context)
+        count = int(context.get_discrete_state(0).GetAtIndex(0))
         if count:
             state = self._state_port.Eval(context)
             rotors = self._rotor_force(context, state)
-            own, now = self._contexts[0], self._contexts[count]
+            own = self._contexts[0]
+            now = self._contexts[count]
             for workspace in (own, now):
                 self._plant.SetPositionsAndVelocities(workspace, state)
             # dv/dt = M_now^-1 (tau - b_now); the plant moves so under M dv/dt + b
@@ -101,5 +101,6 @@ class MassChange(LeafSystem):
             u = self._vehicle.mixer @ self._thrust_port.Eval(context)
             # The integrator lets the quaternion drift off the unit sphere.
             R_WB = attitude.rotation_matrix(state[:4] / np.linalg.norm(state[:4]))
-            force[:3], force[3:6] = R_WB @ u[1:], R_WB[:, 2] * u[0]
+            force[:3] = R_WB @ u[1:]
+            force[3:6] = R_WB[:, 2] * u[0]
         return force

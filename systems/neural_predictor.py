@@ -61,9 +61,8 @@ class NeuralPredictor(ResidualPredictor):
 
     def _declare_memory(self, initial: Memory) -> None:
         self.z_index = self._declare_group("z", initial)  # (K,) lifted vector
-        self.window_index = self._declare_group(
-            "window", initial
-        )  # (W, 12) last [chi, zeta], oldest first
+        # (W, 12) last [chi, zeta], oldest first
+        self.window_index = self._declare_group("window", initial)
         super()._declare_memory(initial)
 
     def _calc_system(self, context, output) -> None:

@@ -39,7 +39,8 @@ class OffboardAutopilot(LeafSystem):
 
     def __init__(self, vehicle: Vehicle, link: MavlinkLink):
         super().__init__()
-        self.link, self.autopilot = link, SimulatedAutopilot(vehicle)
+        self.link = link
+        self.autopilot = SimulatedAutopilot(vehicle)
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._acceleration_port = self.DeclareVectorInputPort("acceleration", 6)
         state = self.DeclareDiscreteState(BasicVector(vehicle.hover_input))
@@ -47,7 +48,8 @@ class OffboardAutopilot(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._step)
 
     def _step(self, context, discrete_state) -> None:
-        t, x = context.get_time(), self._x_port.Eval(context)
+        t = context.get_time()
+        x = self._x_port.Eval(context)
         for data in self.link.receive():
             self.autopilot.take(data, t)
         discrete_state.set_value(self.autopilot.step(t, x))

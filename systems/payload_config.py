@@ -85,7 +85,8 @@ class PayloadConfig:
         swings straight: S²/I and I/S [kg, m], with moment S and moment of inertia I about the hook.
         The rest of the mass rides on the hook.
         """
-        S, I = self.mass + self.rope_mass / 2, self.mass + self.rope_mass / 3
+        S = self.mass + self.rope_mass / 2
+        I = self.mass + self.rope_mass / 3
         return S**2 / I, self.length * I / S
 
 

@@ -176,8 +176,10 @@ def declare_hanging(plant: MultibodyPlant, time: float, payload: PayloadConfig) 
     """Declare that the free body `payload`, which has fallen until then, is put vertically under
     the hook, at the tether's length, moving with the hook.
     """
-    B, joint = plant.GetBodyByName("quadrotor"), plant.GetJointByName("payload")
-    q_start, v_start = joint.position_start(), plant.num_positions() + joint.velocity_start()
+    B = plant.GetBodyByName("quadrotor")
+    joint = plant.GetJointByName("payload")
+    q_start = joint.position_start()
+    v_start = plant.num_positions() + joint.velocity_start()
 
     def update(context: Context, state: State) -> None:
         X = plant.EvalBodyPoseInWorld(context, B)

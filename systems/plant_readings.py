@@ -22,9 +22,16 @@ def vehicle_state(s, q_start, v_start, out):
         out: (13,) to be written.
     """
     for k in range(3):
-        out[k], out[7 + k] = s[q_start + 4 + k], s[v_start + 3 + k]
-    w, x, y, z = s[q_start], s[q_start + 1], s[q_start + 2], s[q_start + 3]
-    out[3], out[4], out[5], out[6] = w, x, y, z
+        out[k] = s[q_start + 4 + k]
+        out[7 + k] = s[v_start + 3 + k]
+    w = s[q_start]
+    x = s[q_start + 1]
+    y = s[q_start + 2]
+    z = s[q_start + 3]
+    out[3] = w
+    out[4] = x
+    out[5] = y
+    out[6] = z
     out[10], out[11], out[12] = turned(w, -x, -y, -z, s[v_start], s[v_start + 1], s[v_start + 2])
 
 
@@ -128,7 +135,8 @@ class RodWrench(LeafSystem):
         super().__init__()
         rod = plant.GetJointByName(joint)
         self._ordinal = plant.GetJointIndices().index(rod.index())
-        self._parent, self._child = int(rod.parent_body().index()), int(rod.child_body().index())
+        self._parent = int(rod.parent_body().index())
+        self._child = int(rod.child_body().index())
         self._X_PM = rod.frame_on_child().GetFixedPoseInBodyFrame()
         self._p_BoTo_B = rod.frame_on_parent().GetFixedPoseInBodyFrame().translation()
         self._forces_port = self.DeclareAbstractInputPort(

@@ -40,7 +40,8 @@ class RateLoopTorque(LeafSystem):
                 f"{type(self).__name__}: vehicle {vehicle.name!r} must have a rate_loop; "
                 f"it has none."
             )
-        self._J, self._loop = vehicle.J, vehicle.rate_loop
+        self._J = vehicle.J
+        self._loop = vehicle.rate_loop
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._command_port = self.DeclareVectorInputPort("rates_thrust", 4)
         sources = {self.all_input_ports_ticket(), self.xc_ticket()}
@@ -78,6 +79,7 @@ class RateLoopAutopilot(RateLoopTorque):
 
     def _calc_u(self, context, output) -> None:
         super()._calc_u(context, output)
-        u, s = output.CopyToVector(), context.get_continuous_state_vector().CopyToVector()[3:]
+        u = output.CopyToVector()
+        s = context.get_continuous_state_vector().CopyToVector()[3:]
         u[1:] += self._J @ (s / (4 * self._lag**2))
         output.SetFromVector(u)

@@ -23,7 +23,8 @@ class Recorder(Multiplexer):
             period: sampling time [s].
         """
         super().__init__(list(sizes.values()))
-        self._period, self._sizes = period, sizes
+        self._period = period
+        self._sizes = sizes
 
     def read(self, diagram: Diagram, context: Context) -> dict[str, np.ndarray]:
         """Return {"t": (n,) [s], name: (n, size)}: row k is what held just after t_k = k * period.

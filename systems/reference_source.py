@@ -32,7 +32,8 @@ class ReferenceSource(LeafSystem):
 
     def __init__(self, reference: Reference, *, horizon: int, step: float):
         super().__init__()
-        self._reference, self._times = reference, step * np.arange(horizon + 1)
+        self._reference = reference
+        self._times = step * np.arange(horizon + 1)
         self._lead_port = self.DeclareVectorInputPort("lead", 1)
         when = {self.time_ticket(), self.all_input_ports_ticket()}
         self.DeclareVectorOutputPort("flat", 15 * (horizon + 1), self._calc_flat, when)

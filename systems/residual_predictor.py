@@ -31,9 +31,8 @@ class MemorySystem(LeafSystem):
 
     def __init__(self) -> None:
         super().__init__()
-        self._groups: dict[
-            str, tuple[DiscreteStateIndex, tuple[int, ...]]
-        ] = {}  # index and shape by name
+        # index and shape by name
+        self._groups: dict[str, tuple[DiscreteStateIndex, tuple[int, ...]]] = {}
 
     def _declare_memory(self, initial: Memory) -> None:
         """Declare a group for each array that has none yet, sorted by name."""
@@ -87,7 +86,9 @@ class PlanPorts:
     """
 
     def __init__(self, system, *, horizon: int, step: float, age: float):
-        self._horizon, self._step, self._age = horizon, step, age
+        self._horizon = horizon
+        self._step = step
+        self._age = age
         self._u_port = system.DeclareVectorInputPort("plan_u", 4 * horizon)
         self._x_port = system.DeclareVectorInputPort("plan_x", 13 * (horizon + 1))
 
@@ -144,7 +145,8 @@ class ResidualPredictor(MemorySystem):
         self, model: ResidualModel, *, horizon: int, stride: int, vehicle: Vehicle | None = None
     ):
         super().__init__()
-        self._model, self._span = model, {"horizon": horizon, "stride": stride}
+        self._model = model
+        self._span = {"horizon": horizon, "stride": stride}
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._u_port = self.DeclareVectorInputPort("u", 4)
         self._label_port = self.DeclareVectorInputPort("label", 6)

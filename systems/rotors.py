@@ -229,7 +229,8 @@ class ActuatorEffects(LeafSystem):
         self._rates = self.DeclareCacheEntry("rates", producer, prerequisites)
 
     def _resting_state(self, thrust: np.ndarray) -> np.ndarray:
-        states, passed = [], np.asarray(thrust, float)
+        states = []
+        passed = np.asarray(thrust, float)
         for stage in self._stages:
             states.append(stage.effect.state_at(self._vehicle, passed))
             if stage.acts(0.0):

@@ -59,7 +59,8 @@ class MeasurementEffects(LeafSystem):
                 f"{', '.join(shifted)}. "
                 "Shift the recorded log instead (np_drake.logs.clock.shift_state)."
             )
-        self._vehicle, self._effects = vehicle, list(effects)
+        self._vehicle = vehicle
+        self._effects = list(effects)
         self.white_size = sum(e.white_size for e in effects)
         self._x_port = self.DeclareVectorInputPort("x_true", 13)
         self._acceleration_port = self.DeclareVectorInputPort("acceleration_true", 6)
@@ -79,7 +80,8 @@ class MeasurementEffects(LeafSystem):
     def _measure(self, context, rest: np.ndarray, thrust: np.ndarray) -> Measurement:
         rotor = np.sqrt(np.maximum(thrust, 0.0) / self._vehicle.thrust_coefficient)
         reading = Measurement(self._x_port.Eval(context), rest[:3], rest[3:], rotor)
-        white, start = self._white_port.Eval(context), 0
+        white = self._white_port.Eval(context)
+        start = 0
         for effect in self._effects:
             reading = effect.measure(
                 self._vehicle, reading, white[start : start + effect.white_size]

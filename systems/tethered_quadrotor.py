@@ -128,10 +128,12 @@ def make_tethered_quadrotor(
     if steady is not None:
         within = None if payload.rope_mass else cable
         rotors, force = add_vehicle_forces(builder, plant, vehicle, steady, within, **start)
-        forces, pushing = [force], steady.others
+        forces = [force]
+        pushing = steady.others
     else:
         rotors = add_rotors(builder, plant, vehicle, actuator_effects, onsets=onsets, **start)
-        forces, pushing = [], list(wrench_effects)
+        forces = []
+        pushing = list(wrench_effects)
         external = builder.AddNamedSystem("external_forces", ExternalForces(plant))
         builder.Connect(plant.get_state_output_port(), external.get_input_port(0))
         export_pushes(builder, external)

@@ -127,7 +127,8 @@ class VehicleForces(LeafSystem):
             size: nv of the plant [1].
         """
         super().__init__()
-        self._vehicle, self._gains = vehicle, effects.gains
+        self._vehicle = vehicle
+        self._gains = effects.gains
         self._size = size
         hover = float(np.sqrt(vehicle.mass * vehicle.gravity / 4))
         rotors = (
@@ -159,7 +160,8 @@ class VehicleForces(LeafSystem):
 
     def _calc_force(self, context, output) -> None:
         holds = 0.0 if self._holds_port is None else self._holds_port.Eval(context)[0]
-        state, force = self._state_port.Eval(context), np.zeros(self._size)
+        state = self._state_port.Eval(context)
+        force = np.zeros(self._size)
         _total(state, self._speed_port.Eval(context), holds, *self._constants, force)
         for first, port in zip((3, 9), self._pushes, strict=False):
             if port.HasValue(context):
@@ -197,7 +199,8 @@ def _total(s, speed, holds, k, gains, mixer, drag, hover, hook, pieces, out):
         pieces: (1, 3).
         out: to be written [N·m, N].
     """
-    thrust, x = gains * (k * speed * speed), np.empty(13)
+    thrust = gains * (k * speed * speed)
+    x = np.empty(13)
     vehicle_state(s, 0, 7 * (len(s) // 13), x)
     if holds:
         cable_force(s, np.empty((0, 6)), holds, hook, pieces, out, np.empty((0, 3)))
@@ -208,12 +211,18 @@ def _total(s, speed, holds, k, gains, mixer, drag, hover, hook, pieces, out):
 @compiled
 def _add_rotors(x, thrust, mixer, out):
     """Add the force of the rotors along body z, and their torque turned to W, to out[:6]."""
-    w, i, j, k = x[3], x[4], x[5], x[6]
-    size = math.sqrt(
-        w * w + i * i + j * j + k * k
-    )  # the integrator lets the quaternion drift off the unit sphere
-    w, i, j, k = w / size, i / size, j / size, k / size
-    total, moment = 0.0, np.zeros(3)
+    w = x[3]
+    i = x[4]
+    j = x[5]
+    k = x[6]
+    # the integrator lets the quaternion drift off the unit sphere
+    size = math.sqrt(w * w + i * i + j * j + k * k)
+    w = w / size
+    i = i / size
+    j = j / size
+    k = k / size
+    total = 0.0
+    moment = np.zeros(3)
     for r in range(4):
         total += thrust[r]
         for axis in range(3):
@@ -252,20 +261,24 @@ def add_vehicle_forces(
     forces = builder.AddNamedSystem(
         "vehicle_forces", VehicleForces(vehicle, effects, cable, plant.num_velocities())
     )
-    speed, rate = forces.GetOutputPort("target"), None
+    speed = forces.GetOutputPort("target")
+    rate = None
     if type(effects.lag) is MotorLag:
         rotors = builder.AddNamedSystem("actuators", RotorSpeed(vehicle, hover_thrust))
-        both, missing = builder.AddSystem(Multiplexer([4, 4])), np.hstack([np.eye(4), -np.eye(4)])
+        both = builder.AddSystem(Multiplexer([4, 4]))
+        missing = np.hstack([np.eye(4), -np.eye(4)])
         lagging = builder.AddSystem(MatrixGain(missing / effects.lag.time_constant))
         builder.Connect(speed, both.get_input_port(0))
         builder.Connect(rotors.get_output_port(), both.get_input_port(1))
         builder.Connect(both.get_output_port(), lagging.get_input_port())
         builder.Connect(lagging.get_output_port(), rotors.get_input_port())
-        speed, rate = rotors.get_output_port(), lagging.get_output_port()
+        speed = rotors.get_output_port()
+        rate = lagging.get_output_port()
     elif effects.lag is not None:
         uneven = ActuatorEffects(vehicle, [effects.lag], hover_thrust)
         builder.Connect(command, builder.AddNamedSystem("actuators", uneven).get_input_port())
-        speed, rate = uneven.GetOutputPort("state"), uneven.GetOutputPort("rotor_rate")
+        speed = uneven.GetOutputPort("state")
+        rate = uneven.GetOutputPort("rotor_rate")
     builder.Connect(command, forces.GetInputPort("command"))
     builder.Connect(speed, forces.GetInputPort("rotor_speed"))
     builder.Connect(plant.get_state_output_port(), forces.GetInputPort("plant_state"))

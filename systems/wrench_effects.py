@@ -12,7 +12,9 @@ from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets, acting, require_complete, total_wrench
 from np_drake.vehicle import Vehicle
 
-WRENCH, PUSH = "external_wrench", "payload_force"  # ports of forces from outside
+# ports of forces from outside
+WRENCH = "external_wrench"
+PUSH = "payload_force"
 
 
 class WrenchEffects(LeafSystem):
@@ -57,7 +59,9 @@ class WrenchEffects(LeafSystem):
         """
         super().__init__()
         require_complete(effects)
-        self._vehicle, self._effects, self._onsets = vehicle, list(effects), onsets
+        self._vehicle = vehicle
+        self._effects = list(effects)
+        self._onsets = onsets
         self._size = num_velocities
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
@@ -74,8 +78,10 @@ class WrenchEffects(LeafSystem):
         ports = self._optional.items()
         motion = Motion(*given, **{n: p.Eval(context) for n, p in ports if p.HasValue(context)})
         effects = acting(self._effects, self._onsets, float(motion.t))
-        chi, force = total_wrench(self._vehicle, effects, motion), np.zeros(self._size)
-        force[:3], force[3:6] = motion.R_WB @ chi[3:], chi[:3]
+        chi = total_wrench(self._vehicle, effects, motion)
+        force = np.zeros(self._size)
+        force[:3] = motion.R_WB @ chi[3:]
+        force[3:6] = chi[:3]
         output.SetFromVector(force)
 
 
@@ -105,7 +111,8 @@ class ExternalForces(LeafSystem):
 
     def __init__(self, plant: MultibodyPlant):
         super().__init__()
-        self._plant, self._workspace = plant, plant.CreateDefaultContext()
+        self._plant = plant
+        self._workspace = plant.CreateDefaultContext()
         self._forces = MultibodyForces(plant)
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
         bodies = {"quadrotor": (WRENCH, 6), "payload": (PUSH, 3)}
@@ -122,7 +129,9 @@ class ExternalForces(LeafSystem):
         )
 
     def _calc_force(self, context, output) -> None:
-        plant, workspace, forces = self._plant, self._workspace, self._forces
+        plant = self._plant
+        workspace = self._workspace
+        forces = self._forces
         forces.SetZero()
         for body, port in self._pushed:
             if port.HasValue(context):

@@ -53,7 +53,9 @@ class WrenchOracle(LeafSystem):
 
     def __init__(self, model: TrueModel, config: MpcConfig, *, period: float):
         super().__init__()
-        self._model, self._config, self._fine = model, config, period / FINE
+        self._model = model
+        self._config = config
+        self._fine = period / FINE
         self._dynamics = DiscreteDynamics(model.believed, self._fine)
         size = 13 if model.payload is None else 26
         self._state_port = self.DeclareVectorInputPort("plant_state", size)

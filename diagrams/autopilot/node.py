@@ -46,8 +46,11 @@ from systems.offboard_autopilot import OffboardAutopilot
 # Asked of the autopilot, at the node's rate.
 ASKED = ("ODOMETRY", "LOCAL_POSITION_NED", "ATTITUDE_QUATERNION", "HIGHRES_IMU", "ATTITUDE_TARGET")
 # between two of the node's own [s]; asked of the autopilot's [Hz]
-HEARTBEAT, HEARTBEATS = 1.0, 10.0
-LEAVING, LEAVES = 0.2, 3.0  # between two requests to hold, and how long they are made [s]
+HEARTBEAT = 1.0
+HEARTBEATS = 10.0
+# between two requests to hold, and how long they are made [s]
+LEAVING = 0.2
+LEAVES = 3.0
 SLOW = 0.5  # speed above which nothing begins [m/s]; source: own choice
 WARM_UP = 5  # steps before the first message [1]
 LEVEL_THRUST = np.array([0.5, 1.6])  # of level thrust over the weight [1]; source: own choice
@@ -183,9 +186,11 @@ class Node:
     """
 
     def __init__(self, config: FlightConfig, link: MavlinkLink, worker: SolverThread):
-        self.config, self._limits = config, config.offboard.check()
+        self.config = config
+        self._limits = config.offboard.check()
         self._motion = config.motion
-        self._link, self._worker = link, worker
+        self._link = link
+        self._worker = worker
         ticks = config.controller.period * config.offboard.rate
         require(
             abs(ticks - round(ticks)) <= 1e-6 and ticks >= 1 - 1e-6,
@@ -194,20 +199,25 @@ class Node:
             f"got {config.offboard.rate:g}.",
         )
         vehicle = config.controller.believed(config.vehicle)
-        self._vehicle, self._weight = vehicle, vehicle.mass * vehicle.gravity
+        self._vehicle = vehicle
+        self._weight = vehicle.mass * vehicle.gravity
         self._loop = vehicle.rate_loop or RateLoop()
         self._codec = Codec(COMPANION, self._limits.system)
         self._companion = make_companion_diagram(config)
         self._memory = self._companion.CreateDefaultContext()
-        self.readings, self.clock = Readings(self._limits, vehicle.gravity), NodeClock()
+        self.readings = Readings(self._limits, vehicle.gravity)
+        self.clock = NodeClock()
         # ticks, those that had no time, and those that failed; the controller's periods, and those
         # without an answer until the next
         self.counts = dict.fromkeys(("ticks", "skipped", "periods", "late", "errors"), 0)
         # times of solves, and of ticks after their time [s]
-        self.solves, self.delays = deque[float](maxlen=KEPT), deque[float](maxlen=KEPT)
+        self.solves = deque[float](maxlen=KEPT)
+        self.delays = deque[float](maxlen=KEPT)
         # changes of phase: since the first tick [s], to which, and why
-        self.phases, self.events = Phases(), list[tuple[float, Phase, str]]()
-        self._heard, self._rows = list[Said](), list[tuple[np.ndarray, ...]]()
+        self.phases = Phases()
+        self.events = list[tuple[float, Phase, str]]()
+        self._heard = list[Said]()
+        self._rows = list[tuple[np.ndarray, ...]]()
         self.x = np.full(13, np.nan)  # state in the autopilot's local frame, z up
         self._begin = np.inf  # time of the first tick [s]
         at_rest = np.array([*self._place(0.0), 1.0, *np.zeros(9)])
@@ -225,7 +235,9 @@ class Node:
         # whether each period of the last `settle` lacked an answer
         self._late = deque[bool](maxlen=round(self._limits.settle / config.controller.period) or 1)
         self._sent = np.array([self._weight, 0.0, 0.0, 0.0])
-        self._lift, self._problem = self._weight, ""  # that holds height [N]; what is not in order
+        # that holds height [N]; what is not in order
+        self._lift = self._weight
+        self._problem = ""
         # what is compiled or built on first use is done before it matters
         measured = {"x": at_rest, "acceleration": np.zeros(6), "in_force": self._sent}
         for _ in range(WARM_UP):
@@ -274,7 +286,8 @@ class Node:
         """Ask the autopilot at our time [s] to hold its place, and go on commanding until it
         does.
         """
-        self._left_at, self._next_heartbeat = now, -np.inf
+        self._left_at = now
+        self._next_heartbeat = -np.inf
 
     def is_over(self, now: float) -> bool:
         """Return whether nothing more is sent: it has stopped, or leaves and nobody has handed over
@@ -309,11 +322,14 @@ class Node:
             self._change(now, f"internal error: {one_line(error)}")
 
     def _tick(self, now: float, patience: float) -> None:
-        heard, self._heard = self.listen(), []
+        heard = self.listen()
+        self._heard = []
         for said in heard:
             self.readings.take(said, now)
-        reading, start = self.readings.at(now), self._place(0.0)
-        self.x, self._is_known = reading.x, not reading.problem
+        reading = self.readings.at(now)
+        start = self._place(0.0)
+        self.x = reading.x
+        self._is_known = not reading.problem
         if self._is_known and self.phase is Phase.WAITING and not self._is_trusted:
             self._anchor = Anchor.at(reading.x, start)
         elif self._is_known and self._handed_over == np.inf:
@@ -325,15 +341,18 @@ class Node:
             # forget all that was measured; a step that goes on meanwhile does not count
             self._axes = self._anchor.q_TW
             self._memory = self._companion.CreateDefaultContext()
-            self._answer, self._next_step = None, -np.inf
-            self._without_answer, self._is_owed = 0, False
+            self._answer = None
+            self._next_step = -np.inf
+            self._without_answer = 0
+            self._is_owed = False
         if self.phase is Phase.LEVEL:
             self._answer = None
         elif self.phase is Phase.FLYING and np.linalg.norm(reading.x[V]) <= SLOW:
             self._handed_over = min(self._handed_over, now)
         if self.phase.sends or (self.phase is Phase.WAITING and self._is_trusted):
             a_W, al = np.split(reading.acceleration, 2)
-            x, a = self._anchor.seen(reading.x), np.concatenate([self._anchor.turned(a_W), al])
+            x = self._anchor.seen(reading.x)
+            a = np.concatenate([self._anchor.turned(a_W), al])
             self._solve(now, reading, x, a, patience)
             if self.phase.sends:
                 self._send(now, x, a)
@@ -353,7 +372,8 @@ class Node:
 
     def _too_late(self, now: float) -> str:
         """Return who does not answer in time, the controller or an autopilot that is left."""
-        late, most = sum(self._late), self._late.maxlen or 1
+        late = sum(self._late)
+        most = self._late.maxlen or 1
         if self.phase is Phase.WAITING and late > LATE * most:
             return f"this machine is too slow: {late} of the last {most} solves were late"
         if self._without_answer >= self._limits.late_solves:
@@ -366,7 +386,8 @@ class Node:
         return self._motion.sample(np.array([t]))[0, 0]
 
     def _change(self, now: float, problem: str) -> None:
-        before, self._problem = self.phase, problem
+        before = self.phase
+        self._problem = problem
         self.phases = self.phases.advanced(
             now, problem=problem, engaged=self.readings.engaged, config=self._limits
         )
@@ -393,10 +414,12 @@ class Node:
         usable = bool(np.isfinite(found.rates_thrust).all())
         self._answer = found if usable else None
         if usable and found.status < MpcStatus.SHIFTED_PLAN:
-            self._without_answer, self._is_owed = 0, False
+            self._without_answer = 0
+            self._is_owed = False
 
     def _begin_step(self, reading: Reading, x: np.ndarray, a: np.ndarray) -> None:
-        in_force, teaches = self._sent, self.phases.handed_over
+        in_force = self._sent
+        teaches = self.phases.handed_over
         if not teaches and np.isfinite(reading.in_force).all():
             in_force = reading.in_force.copy()
             in_force[0] = thrust_of(self._vehicle, in_force[0], self.readings.voltage)
@@ -544,7 +567,8 @@ def deadlines(node: Node) -> dict[str, Any]:
 def tables(node: Node) -> list[Table]:
     """Return the tables of a node: its flight, its phases, its deadlines."""
     phases = [(f"{t:.2f}", phase.value, reason) for t, phase, reason in node.events]
-    found, refused = deadlines(node), node.readings.refused
+    found = deadlines(node)
+    refused = node.readings.refused
     times = [
         (name, *(f"{found[key][part]:.2f}" for part in ("median", "p95", "max")))
         for name, key in (
@@ -598,8 +622,10 @@ class LinkedFlight:
         if t == 0.0:
             self._begin = self._measured = now
             return self.mean
-        (flown, passed), (all_flown, all_passed) = now - self._measured, now - self._begin
-        self._measured, self.mean = now, all_flown / all_passed
+        flown, passed = now - self._measured
+        all_flown, all_passed = now - self._begin
+        self._measured = now
+        self.mean = all_flown / all_passed
         return flown / passed
 
     def table(self) -> Table:

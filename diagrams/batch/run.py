@@ -235,7 +235,8 @@ class Workers:
         Raises:
             ValueError: where cases repeat. OSError: where `folder` cannot be written.
         """
-        head, folder = _pure({"version": version("np_drake"), "config": config}), self.folder
+        head = _pure({"version": version("np_drake"), "config": config})
+        folder = self.folder
         names = [case_file(case, head) for case in cases]
         require(len(set(names)) == len(names), "campaign: cases must differ from each other.")
         records: dict[int, Record] = {}
@@ -342,9 +343,8 @@ class Report:
     summary: Sequence[str] = ()  # printed below the tables, and in the Markdown file
     notes: Sequence[str] = ()  # printed below the tables only
     warnings: Sequence[str] = ()  # printed behind all of these, as a list
-    figures: Mapping[str, Callable[[], Any]] = dc.field(
-        default_factory=dict
-    )  # by file name in --out
+    # by file name in --out
+    figures: Mapping[str, Callable[[], Any]] = dc.field(default_factory=dict)
     write: Callable[[Path], None] | None = None  # writes further files into the folder of --out
     failure: Exception | None = None  # raised when all is written and printed
 

@@ -39,8 +39,13 @@ ROUNDS = 4  # of exploring at the border
 DRIVERS = 8  # quantities that a table shows
 NOTED = 2.0  # rank correlation over that of chance, from which a quantity counts [1]; own choice
 MOST_KEPT = 20  # failed flights that are written as scenario files
-EVEN, EXPLORING, CONFIRMING = "flying", "exploring", "confirming"
-YES, NOT_SHOWN, NO = "yes", "not shown", "no"  # of a cell
+EVEN = "flying"
+EXPLORING = "exploring"
+CONFIRMING = "confirming"
+# of a cell
+YES = "yes"
+NOT_SHOWN = "not shown"
+NO = "no"
 
 
 @dc.dataclass(frozen=True)
@@ -54,14 +59,17 @@ class Bound:
     @property
     def upper(self) -> float:
         """Rate that is not exceeded, with the confidence [1]; 1 where nothing has flown."""
-        k, n = self.failures, self.flights
+        k = self.failures
+        n = self.flights
         return 1.0 if k == n else float(stats.beta.ppf(self.confidence, k + 1, n - k))
 
     def lacking(self, limit: float) -> int | None:
         """Return how many more flights without a failure bring the bound to a limit [1]; None where
         the failures show, with the same confidence, that the rate is larger.
         """
-        k, n, unsure = self.failures, self.flights, 1 - self.confidence
+        k = self.failures
+        n = self.flights
+        unsure = 1 - self.confidence
         if k and stats.beta.ppf(unsure, k, n - k + 1) > limit:
             return None
         return max(int(np.ceil(special.bdtrin(k, unsure, limit) - 1e-9)) - n, 0)
@@ -133,7 +141,8 @@ class Certificate:
     def flown_of_asked(self) -> str:
         """Return how many of the flights that were asked for were flown, and why not all."""
         refused = self.flights.loc[self.flights["refused"] != "", "refused"]
-        flown, missing = len(self.flights) - len(refused), self.asked - len(self.flights)
+        flown = len(self.flights) - len(refused)
+        missing = self.asked - len(self.flights)
         said = f"{flown} of {self.asked} flights asked were flown"
         if len(refused):
             said += f"; {len(refused)} cannot be flown as drawn, the first: {refused.iloc[0]}"
@@ -156,10 +165,12 @@ class Certificate:
         interval or a posterior, what would tell it better.
         """
         rank = self.flights["peak"].astype(float).fillna(np.inf).rank()
-        ranges, lines = [one.name for one in self.over], []
+        ranges = [one.name for one in self.over]
+        lines = []
         for name in self.flights.columns.difference(KEYS):
             known = self.flights[name].notna()
-            value, own = self.flights.loc[known, name].astype(float), rank[known]
+            value = self.flights.loc[known, name].astype(float)
+            own = rank[known]
             if value.nunique() < 3 or own.nunique() < 2:
                 continue
             rho = float(stats.spearmanr(value, own).statistic)
@@ -186,8 +197,10 @@ class Certificate:
         """
         if not self.over:
             return []
-        first, second = self.over[0], self.over[1] if len(self.over) > 1 else None
-        (a, b), found = self.part.shape, []
+        first = self.over[0]
+        second = self.over[1] if len(self.over) > 1 else None
+        a, b = self.part.shape
+        found = []
         for i, row in enumerate(self.cells):
             cells = np.flatnonzero(row != NO)
             said = self.answer if len(cells) else NO
@@ -200,9 +213,11 @@ class Certificate:
     def figure(self) -> Figure:
         """Return the map: flights, where they failed, and the cells that may be flown."""
         require(len(self.over) > 1, "certify: a map needs two ranges; name another --over.")
-        x, y = self.over[1], self.over[0]
+        x = self.over[1]
+        y = self.over[0]
         figure, axes = new_figure(1, 1, width=6.5, height=5.0)
-        ax, (a, b) = axes[0, 0], self.part.shape
+        ax = axes[0, 0]
+        a, b = self.part.shape
         edges = [one.at(np.arange(n + 1) / n) for one, n in ((x, b), (y, a))]
         colour = [0.72, 0.86, 0.95] if self.answer == YES else [0.9] * 3
         ax.pcolormesh(*edges, np.where((self.cells != NO)[..., None], colour, 1.0))
@@ -283,7 +298,8 @@ def chosen_part(failed: np.ndarray, flown_there: np.ndarray, rate: float) -> np.
     """
     a, b = failed.shape
     widths = np.array(list(combinations_with_replacement(range(b, -1, -1), a)))
-    best, found = (0, 0.0), np.zeros((a, b), bool)
+    best = (0, 0.0)
+    found = np.zeros((a, b), bool)
     for flip in ((), (0,), (1,), (0, 1)):
         sums = [
             np.pad(np.cumsum(np.flip(of, flip), axis=1), ((0, 0), (1, 0)))
@@ -327,7 +343,8 @@ def _fly(
     records = run.cases(stage, "flights", work, cases, config=settings | {"seed": run.seed})
     lines = []
     for case, found in zip(cases, every_result(records), strict=True):
-        drawn, outside = found.pop("drawn"), not found["lost"] and found["peak"] > within
+        drawn = found.pop("drawn")
+        outside = not found["lost"] and found["peak"] > within
         line = {"stage": stage, "shares": case["shares"], **found, "outside": outside}
         failed = found["lost"] or found["grounded"] or outside
         lines.append({**line, "failed": failed, **drawn})
@@ -372,7 +389,8 @@ def certify(
     Raises: ValueError: on a range that does not fit the scenario, or of which no draw can be flown;
         FailedRun: where a flight ends in an error.
     """
-    run, over = run or Run(), tuple(one.check() for one in over)
+    run = run or Run()
+    over = tuple(one.check() for one in over)
     names = [one.name for one in over]
     require(
         within > 0 and 0 < limit < 1 and 0 < confidence < 1 and 1 <= cells <= MOST_CELLS,
@@ -388,7 +406,8 @@ def certify(
         f"--flights: must be at least {FEWEST} a cell of the map, {FEWEST * int(np.prod(shape))}; "
         f"got {flights}. Or take fewer --cells.",
     )
-    failed, count = np.zeros(shape, int), np.zeros(shape, int)
+    failed = np.zeros(shape, int)
+    count = np.zeros(shape, int)
     lines = list[dict[str, Any]]()
     explored = flights // 2 if over else 0
     left = flights - explored

@@ -28,14 +28,18 @@ from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import usual_rate_loop
 from np_drake.vehicle.sources import SURE
 
-FLIGHTS, SECONDS = 3, 30.0  # that are logged, and their length [s]
+# that are logged, and their length [s]
+FLIGHTS = 3
+SECONDS = 30.0
 PAYLOAD = (0.02, 0.3)  # over the mass of the vehicle [1]
 SPEED = (0.6, 2.0)  # over that of the scaled circle [1]
 CORRIDOR = 0.12  # over the radius of the circle [1]
 SCORED = 4.0  # of a flight of the paper's vehicle, after its ramp [s]
 CLOSE = 0.2  # of a prediction [1]
 WIDE = 0.2  # half of a naive interval over its value [1]
-LIMIT, CELLS = 0.05, 4  # of a certificate
+# of a certificate
+LIMIT = 0.05
+CELLS = 4
 LOGGED = 20.0  # of a flight under firmware, after its ramp [s]
 TRACKS = ("multisine", "training_circle", "circle")  # of those flights
 ROWS = ("certificate", "mean vehicle", "vehicle file ± 20 %")
@@ -46,10 +50,12 @@ def known(case: Case) -> dict[str, Any]:
     that is true.
     """
     truth, logs, _ = draw_and_fly(case["seed"], "throttle", FLIGHTS, SECONDS)
-    mass, battery = truth.vehicle.mass, truth.throttle.voltage
+    mass = truth.vehicle.mass
+    battery = truth.throttle.voltage
     vehicle = identified_vehicle(identify(logs, truth.known, mass=mass), "identified")
     answer = diagnose(vehicle, logs[:-1], logs[-1:])
-    config, default = corrected_simulator(answer, vehicle), default_flight(vehicle)
+    config = corrected_simulator(answer, vehicle)
+    default = default_flight(vehicle)
     found = config.reality  # in which a payload may hang as a cause
     payload = default.reality.payload if found.hung.tether == "none" else found.payload
     told = dc.replace(
@@ -116,7 +122,8 @@ def in_band(told: pd.DataFrame, seen: pd.DataFrame) -> float:
 
     if not len(seen):
         return np.nan
-    (A, a), (B, b) = terms(told[told["E_xy"].notna()]), terms(seen)
+    A, a = terms(told[told["E_xy"].notna()])
+    B, b = terms(seen)
     P = np.linalg.pinv(A)
     within = SURE * (a - A @ P @ a).std(ddof=A.shape[1]) * np.sqrt(1 + np.sum((B @ P) ** 2, axis=1))
     return float((np.abs(b - B @ P @ a) <= within).mean())
@@ -156,7 +163,9 @@ def judged(found: Certificate, true: pd.DataFrame) -> dict[str, Any]:
     shares = np.array(true["shares"].tolist())
     cell = np.minimum((shares * found.part.shape).astype(int), np.array(found.part.shape) - 1)
     own = true[found.part[cell[:, 0], cell[:, 1]]]
-    bound, flown, failed = found.bound(), len(own), int(own["failed"].sum())
+    bound = found.bound()
+    flown = len(own)
+    failed = int(own["failed"].sum())
     seen = float(own["peak"].astype(float).fillna(np.inf).quantile(0.95)) if flown else np.nan
     said = found.quantile("peak", 0.95)
     return {

@@ -109,7 +109,8 @@ def spread_of(vehicle: Vehicle) -> dict[str, float]:
             deviation = vehicle.known_within(field, *index)
             if deviation and (field != "inertia" or index[0] <= index[1]):
                 found[part(field, *index)] = deviation
-    mass, thrust = vehicle.uncertainty("mass"), vehicle.uncertainty("thrust")
+    mass = vehicle.uncertainty("mass")
+    thrust = vehicle.uncertainty("thrust")
     if mass and "mass" not in found:
         found["mass"] = mass * vehicle.mass
     if thrust is None and "throttle.full_thrust" in named and vehicle.throttle is not None:
@@ -126,7 +127,8 @@ def drawn_vehicle(
     Draws that no vehicle can have are left out.
     Raises: ValueError: where no draw is a vehicle.
     """
-    known, why = values(vehicle), ""
+    known = values(vehicle)
+    why = ""
     for _ in range(ATTEMPTS if spread else 0):
         drawn = {name: deviation * rng.standard_normal() for name, deviation in spread.items()}
         drawn = {n: d + (1.0 if n == THRUST else value_of(n, known)) for n, d in drawn.items()}
@@ -168,8 +170,10 @@ def drawn_flight(
     Raises: ValueError: where what was drawn cannot be flown.
     """
     rng = np.random.default_rng(seed)
-    reality, assumed = config.reality, config.controller.vehicle or config.vehicle
-    spread, lag = spread_of(config.vehicle), published_priors().time_constant
+    reality = config.reality
+    assumed = config.controller.vehicle or config.vehicle
+    spread = spread_of(config.vehicle)
+    lag = published_priors().time_constant
     vehicle, found = drawn_vehicle(config.vehicle, spread, rng)
     effects = reality.posterior.draw(reality.effects, rng)
     found |= {

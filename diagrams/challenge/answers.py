@@ -102,8 +102,12 @@ class AnsweredCase:
         least: float = VISIBLE,
     ):
         """Take a case that must be found from a visibility `least` on [1]."""
-        self.name, self.truth, self.answer, self.least = name, truth, answer, least
-        self.kind, said = str(truth["kind"]), answer or {"verdict": (), "causes": ()}
+        self.name = name
+        self.truth = truth
+        self.answer = answer
+        self.least = least
+        self.kind = str(truth["kind"])
+        said = answer or {"verdict": (), "causes": ()}
         self.group = f"{truth['simulator']}, {truth['quality']}"
         self.true_names = tuple(effect["effect"] for effect in truth["effects"])
         self.visibility = float(truth["visibility"])

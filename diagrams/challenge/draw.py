@@ -20,16 +20,14 @@ from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
-CLEAN, OUT_OF_LIBRARY = "clean", "foreign"  # kinds of cases
+# kinds of cases
+CLEAN = "clean"
+OUT_OF_LIBRARY = "foreign"
 FILES = ("train_1.csv", "train_2.csv", "heldout_1.csv")
 # Streams of random numbers that do not touch each other: the effect decides about nothing else.
 _VEHICLE, _PLANS, _SENSORS, _EFFECT, _ONSET, NOISE = range(6)
-SHARES = {
-    "pair": 0.15,
-    "triple": 0.08,
-    "onset": 0.12,
-    OUT_OF_LIBRARY: 0.15,
-}  # the rest: single effects
+# the rest: single effects
+SHARES = {"pair": 0.15, "triple": 0.08, "onset": 0.12, OUT_OF_LIBRARY: 0.15}
 # Physically the same, or nearly so: never in one case together.
 EQUIVALENT = (
     {

@@ -28,11 +28,17 @@ WARM_UP = 4.0  # hovering before the first row, in which integrators settle [s]
 MARGIN = 0.3  # flown in Drake after the last row, for clocks that are off [s]
 # A vehicle counts as lost farther from the plan [m], lower [m], or with a smaller cosine of its
 # tilt [1].
-FARTHEST, LOWEST, LEAST_UPRIGHT = 6.0, 0.03, -0.2
-CABLE_RATE, CABLE_DAMPING = 250.0, 0.3  # of the cable: frequency [rad/s] and damping ratio [1]
+FARTHEST = 6.0
+LOWEST = 0.03
+LEAST_UPRIGHT = -0.2
+# of the cable: frequency [rad/s] and damping ratio [1]
+CABLE_RATE = 250.0
+CABLE_DAMPING = 0.3
 # Steps of Drake's integrator [s]: one between rows 10 ms apart, jitter included, three with a
 # cable; share of a lag.
-STEP, CABLE_STEP, LAG_SHARE = 0.0112, 0.0037, 0.2
+STEP = 0.0112
+CABLE_STEP = 0.0037
+LAG_SHARE = 0.2
 
 
 class DrakeWorld:
@@ -42,7 +48,8 @@ class DrakeWorld:
         """Build the plant."""
         places = split_effects(effects)
         self.dead_time = sum(effect.dead_time for effect in places.actuator)  # of commands [s]
-        self._vehicle, self._payload = vehicle, stiff_cable(places.payload, vehicle)
+        self._vehicle = vehicle
+        self._payload = stiff_cable(places.payload, vehicle)
         self._real = make_tethered_quadrotor(
             vehicle,
             self._payload,
@@ -75,7 +82,9 @@ class DrakeWorld:
         Rotors and acting command carry on from the world before.
         """
         self._root.SetTime(t)
-        q, v, w_W = x[3:7], x[7:10], attitude.rotate(x[3:7], x[10:13])
+        q = x[3:7]
+        v = x[7:10]
+        w_W = attitude.rotate(x[3:7], x[10:13])
         R_WB = RotationMatrix(Quaternion(q / np.linalg.norm(q)))
         placed = {"quadrotor": (RigidTransform(R_WB, x[0:3]), SpatialVelocity(w_W, v))}
         if self._payload.tether == "cable":
@@ -145,7 +154,8 @@ def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadCon
     if payload.tether == "none":
         return payload
     reduced = payload.mass * vehicle.mass / (payload.mass + vehicle.mass)
-    stiffness, damping = reduced * CABLE_RATE**2, 2 * CABLE_DAMPING * reduced * CABLE_RATE
+    stiffness = reduced * CABLE_RATE**2
+    damping = 2 * CABLE_DAMPING * reduced * CABLE_RATE
     return dc.replace(payload, stiffness=stiffness, damping=damping)
 
 
@@ -179,7 +189,8 @@ def fly(
     # rotorpy reads at the instants of the other clock; Drake's rows are interpolated there.
     offset = sum(sensor.clock_shift for sensor in sensors)
     interpolates = simulator == "drake"
-    step, margin = float(np.median(np.diff(t))), MARGIN if interpolates else max(offset, 0.0)
+    step = float(np.median(np.diff(t)))
+    margin = MARGIN if interpolates else max(offset, 0.0)
     before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
     after = t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))
     rows = np.concatenate([before, t, after])
@@ -198,7 +209,8 @@ def fly(
     read_at = rows[:-1]
     if not interpolates:
         first = int(np.searchsorted(rows, t[0] - 1e-9))
-        read_at, commands = t, commands[first : first + len(t)]
+        read_at = t
+        commands = commands[first : first + len(t)]
     reading = Measurement(states[:, :13], states[:, 13:16], states[:, 16:], commands[:, 4:])
     # Every error acts on the true attitude, so that of the attitude comes last.
     for sensor in sorted(sensors, key=lambda sensor: "qw" in sensor.corrupts):
@@ -217,7 +229,9 @@ class _Flight:
     """
 
     def __init__(self, world: Any, t: float, x: np.ndarray):
-        self.world, self.t = world, t  # t: now [s]
+        # t: now [s]
+        self.world = world
+        self.t = t
         self._under_way: list[tuple[float, np.ndarray]] = []  # commands, and when they arrive [s]
         world.start(t, x)
 
@@ -253,7 +267,8 @@ def _fly_rows(
     """Return (m - 1, 8) command and rotor speed at all rows but the last, (n, 19) states at
     `reads`; `worlds` are by the row from which they fly.
     """
-    gains, integral = CascadeGains(), np.zeros(6)
+    gains = CascadeGains()
+    integral = np.zeros(6)
     flight = _Flight(worlds[0], rows[0], plan.start(vehicle.gravity))
     errors = np.zeros((len(rows) - 1, 13))
     if noise is not None:
@@ -271,7 +286,8 @@ def _fly_rows(
         flight.give(u)
         commands.append(np.concatenate([u, flight.world.speed()]))
         if not k % 10:
-            upright, off = 1 - 2 * (x[4] ** 2 + x[5] ** 2), np.linalg.norm(x[:3] - target[:3])
+            upright = 1 - 2 * (x[4] ** 2 + x[5] ** 2)
+            off = np.linalg.norm(x[:3] - target[:3])
             require(
                 off < FARTHEST and x[2] > LOWEST and upright > LEAST_UPRIGHT,
                 f"challenge: the vehicle was lost at {rows[k]:.2f} s.",

@@ -63,9 +63,8 @@ def sampled_flight(
         f"{log.name}: must have a row every {STEP:g} s and last {STEP * (HISTORY + 2):g} s; "
         f"got {log.step:.4g} s and {t[-1]:.3g} s.",
     )
-    bins = np.ceil(t / STEP - 1e-6).astype(
-        int
-    )  # row of time t belongs to the sample that ends its step
+    # row of time t belongs to the sample that ends its step
+    bins = np.ceil(t / STEP - 1e-6).astype(int)
     last = np.searchsorted(t, STEP * np.arange(count) + 1e-6 * STEP, side="right") - 1
     chi = _means(raw_labels(log, vehicle), bins, count)
     u = _held(_means(acting_command(log, vehicle), bins, count))
@@ -112,7 +111,8 @@ class RidgeBaseline:
         weights: (H, 6, 12 D + 1) of the window, oldest sample first, and of 1, in physical units.
     """
 
-    name, step = "ridge", STEP
+    name = "ridge"
+    step = STEP
 
     def __init__(self, weights: np.ndarray):
         self._W = weights
@@ -135,7 +135,8 @@ class RidgeBaseline:
         window = memory["window"]
         if memory["count"][0] < HISTORY:
             return constant_forecast(window[-1, :6], horizon)
-        steps, course = stride * np.arange(horizon), self._W @ np.append(window.ravel(), 1.0)
+        steps = stride * np.arange(horizon)
+        course = self._W @ np.append(window.ravel(), 1.0)
         between = [np.interp(steps, HORIZONS, channel) for channel in course.T]
         return constant_forecast(np.stack(between, axis=1), horizon)
 
@@ -150,7 +151,8 @@ def fit_ridge(segments: list[Segment]) -> RidgeBaseline:
     weights = np.zeros((len(HORIZONS), 6, HISTORY, 12))
     constant = np.zeros((len(HORIZONS), 6, 1))
     for outputs, inputs in GROUPS:
-        features, goals = [], []
+        features = []
+        goals = []
         for segment in segments:
             samples = np.hstack([segment.chi, segment.zeta])[:, inputs]
             windows = sliding_window_view(samples, HISTORY, axis=0).transpose(0, 2, 1)
@@ -168,7 +170,9 @@ def fit_ridge(segments: list[Segment]) -> RidgeBaseline:
 
 def _centred_ridge(X: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return weights and constant of the ridge of Y on features of mean 0 and deviation 1."""
-    middle, level, scale = X.mean(axis=0), Y.mean(axis=0), np.maximum(X.std(axis=0), 1e-12)
+    middle = X.mean(axis=0)
+    level = Y.mean(axis=0)
+    scale = np.maximum(X.std(axis=0), 1e-12)
     Z = (X - middle) / scale
     # (Z'Z + n noise² 1) W = Z'Y
     gram = Z.T @ Z + NOISE**2 * len(Z) * np.eye(Z.shape[1])
@@ -183,7 +187,8 @@ def _segments(flights: Sequence[Opened]) -> list[Segment]:
     segments = []
     for log, vehicle in flights:
         flight = sampled_flight(log, vehicle)
-        k, good = np.arange(len(flight)), np.isfinite(flight.chi).all(axis=1)
+        k = np.arange(len(flight))
+        good = np.isfinite(flight.chi).all(axis=1)
         chi = np.stack([np.interp(k, k[good], column[good]) for column in flight.chi.T], axis=1)
         segments.append(Segment(chi, flight.zeta, STEP))
     return segments
@@ -264,7 +269,8 @@ def held_out_errors(
     """
     held_out = case["manoeuvre"]
     learned = [own for name, some in flights.items() if name != held_out for own in some]
-    model, shown = ROWS[case["row"]](learned), flights[held_out]
+    model = ROWS[case["row"]](learned)
+    shown = flights[held_out]
     return {m: {own[0].name: square_errors(model, own, m) for own in shown} for m in MOTIONS}
 
 
@@ -276,7 +282,8 @@ def pooled(found: Mapping[tuple[str, str], Mapping[str, Mapping]]) -> list[dict[
     Pooled: root of all flights' squared errors over those of persistence. Interval: 95 %, from
     flights drawn with replacement (bootstrap).
     """
-    flights, lines = list(next(iter(found.values()))), []
+    flights = list(next(iter(found.values())))
+    lines = []
     even = [1 / len(flights)] * len(flights)
     drawn = np.random.default_rng(0).multinomial(len(flights), even, DRAWS)
     by_motion = sorted(found.items(), key=lambda item: MOTIONS.index(item[0][1]))
@@ -313,12 +320,14 @@ def run(
     ] = None,
 ) -> Report:
     """Forecast of force and torque on real flights with a payload, one manoeuvre left out."""
-    folder, wanted = required("payload-flights", folder, REAL_FLIGHTS), chosen("--only", only, ROWS)
+    folder = required("payload-flights", folder, REAL_FLIGHTS)
+    wanted = chosen("--only", only, ROWS)
     require(folder.is_dir(), f"{folder}: must be a folder of real flights; it is not there.")
     names = [name for name in ROWS if name in {PERSISTENCE, *wanted}]
     flights = open_campaign(folder)
     cases = [{"manoeuvre": manoeuvre, "row": name} for manoeuvre in flights for name in names]
-    title, config = "training and scoring", {"folder": folder.name, "step": STEP}
+    title = "training and scoring"
+    config = {"folder": folder.name, "step": STEP}
     records = run.cases(
         title, "folds of a row", partial(held_out_errors, flights=flights), cases, config=config
     )
@@ -326,7 +335,8 @@ def run(
     for case, result in zip(cases, every_result(records), strict=True):
         for motion, own in result.items():
             found.setdefault((case["row"], motion), {}).update(own)
-    lines, flown = pooled(found), [log.name for some in flights.values() for log, _ in some]
+    lines = pooled(found)
+    flown = [log.name for some in flights.values() for log, _ in some]
     frame = pd.DataFrame(lines)
     half = frame["interval"].map(lambda bounds: 0.5 * (bounds[1] - bounds[0]))
     frame["cell"] = [f"{r:.3g}±{h:.2g}" for r, h in zip(frame["ratio"], half, strict=True)]

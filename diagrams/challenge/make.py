@@ -128,7 +128,8 @@ class Making:
 
 def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str, FlightLog]]:
     """Return the exact and the noisy logs of a case by file, with the same rows."""
-    exact, noisy = {}, {}
+    exact = {}
+    noisy = {}
     for flight, (file, plan) in enumerate(case.plans.items()):
         log = fly(
             case.vehicle,
@@ -163,7 +164,8 @@ def write_case(made: dict, out: Path, truth: Path) -> None:
     """
     for parent in (truth, out):
         # A name behind a dot, so that what a killed run left is taken away.
-        folder, temporary = parent / made["name"], parent / f".{made['name']}"
+        folder = parent / made["name"]
+        temporary = parent / f".{made['name']}"
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir()
         if parent is truth:
@@ -179,7 +181,8 @@ def check_request(
     out: Path, truth: Path, simulator: str, quality: str, cases: int, seconds: float, seed: int
 ) -> None:
     """Raise ValueError where `make` would, before any work."""
-    here, there = out.resolve(), truth.resolve()
+    here = out.resolve()
+    there = truth.resolve()
     require(
         here != there and here not in there.parents and there not in here.parents,
         f"make: neither of cases and truth may lie in the other; got {out} and {truth}.",

@@ -33,7 +33,8 @@ class OutOfLibrary(Effect):
 
     def __init__(self, law: Callable, **sizes: Any):
         self.identifier = law.__name__  # type: ignore[misc]
-        self._law, self._sizes = law, sizes
+        self._law = law
+        self._sizes = sizes
 
     @property
     def values(self) -> dict[str, Any]:
@@ -225,7 +226,8 @@ def spinning_lidar(vehicle, motion, h):
 
 def bent_thrust_curve(vehicle, command, state, bend):
     """A bent thrust curve: f = c - bend (c - h)³ / h² with h the thrust of a hovering rotor."""
-    hover, none = _weight(vehicle) / 4, command[..., :0]
+    hover = _weight(vehicle) / 4
+    none = command[..., :0]
     return none, none, np.maximum(command - bend * (command - hover) ** 3 / hover**2, 0.0)
 
 
@@ -271,7 +273,8 @@ def liquid_slosh(vehicle, command, state, frequency, damping, gain):
     s'' = -2 damping w s' - w² s + w² tau, w = 2 pi frequency; extra torque = -gain s; state (...,
     4) [N·m, N·m/s].
     """
-    w, tau = 2 * np.pi * frequency, command @ vehicle.mixer[1:3].T
+    w = 2 * np.pi * frequency
+    tau = command @ vehicle.mixer[1:3].T
     at_rest = np.concatenate([tau, np.zeros_like(tau)], axis=-1)
     s, moving = np.split(at_rest if state is None else state, 2, axis=-1)
     rate = np.concatenate([moving, w**2 * (tau - s) - 2 * damping * w * moving], axis=-1)

@@ -50,7 +50,8 @@ class Plan:
     def start(self, gravity: float) -> np.ndarray:
         """Return the state (13,) at rest, before and at t = 0."""
         zero = np.zeros(1)
-        place, q = self.reference.sample(zero)[0, 0], self._attitude(gravity, zero)[0]
+        place = self.reference.sample(zero)[0, 0]
+        q = self._attitude(gravity, zero)[0]
         return np.concatenate([place, q, np.zeros(6)])
 
     def targets(self, gravity: float, t: np.ndarray) -> np.ndarray:
@@ -68,14 +69,17 @@ class Plan:
     def _rate(self, gravity: float, t: np.ndarray) -> np.ndarray:
         """Return the body rates (n, 3) of the attitude that the plan needs [rad/s]."""
         # Central difference on the rotation group: vector part of q(t - d)* q(t + d) over d.
-        sooner, later = self._attitude(gravity, t - _DELTA), self._attitude(gravity, t + _DELTA)
+        sooner = self._attitude(gravity, t - _DELTA)
+        later = self._attitude(gravity, t + _DELTA)
         turn = attitude.multiply(attitude.conjugate(sooner), later)
         return turn[:, 1:] * np.sign(turn[:, :1]) / _DELTA
 
     def rotor_thrust(self, vehicle: Vehicle, t: np.ndarray) -> np.ndarray:
         """Return the rotor thrusts (n, 4) that the plan asks of a nominal vehicle [N]."""
         target = self.targets(vehicle.gravity, t)
-        a, w, al = target[:, 6:9], target[:, 9:12], target[:, 12:15]
+        a = target[:, 6:9]
+        w = target[:, 9:12]
+        al = target[:, 12:15]
         f = vehicle.mass * np.linalg.norm(a + [0.0, 0.0, vehicle.gravity], axis=1, keepdims=True)
         tau = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
         return np.concatenate([f, tau], axis=1) @ vehicle.unmixer.T
@@ -89,8 +93,10 @@ class Plan:
         low, high = np.array(ROTOR_SHARE) * vehicle.max_rotor_thrust
         for factor in 0.9 ** np.arange(25):
             slow = dc.replace(self, reference=Paced(self.reference, float(factor)))
-            thrust, (v, a) = slow.rotor_thrust(vehicle, t), slow.reference.sample(t)[1:3]
-            level, lift = np.linalg.norm(a[:, :2], axis=1), a[:, 2] + vehicle.gravity
+            thrust = slow.rotor_thrust(vehicle, t)
+            v, a = slow.reference.sample(t)[1:3]
+            level = np.linalg.norm(a[:, :2], axis=1)
+            lift = a[:, 2] + vehicle.gravity
             gentle = np.all(level <= np.tan(STEEPEST) * lift)
             slow_enough = np.linalg.norm(v, axis=1).max() <= FASTEST
             if gentle and slow_enough and low <= thrust.min() and thrust.max() <= high:
@@ -109,7 +115,8 @@ def _multisine(sizes: tuple, rise: float, paces: tuple, rng, seconds: float) -> 
     """Return a multisine of amplitudes [m], with `rise` of them upwards, and paces between
     bounds.
     """
-    amplitude, pace = rng.uniform(*sizes, 3) * [1, 1, rise], rng.uniform(*paces)
+    amplitude = rng.uniform(*sizes, 3) * [1, 1, rise]
+    pace = rng.uniform(*paces)
     frequencies = pace * np.array([0.23, 0.41, 0.67, 0.97]) * rng.uniform(0.9, 1.1, 4)
     motion = Multisine(amplitude, frequencies=frequencies, ramp=RAMP, seed=int(rng.integers(2**31)))
     return Sum(Hover(np.array([0.0, 0.0, rng.uniform(1.6, 3.0)])), motion)
@@ -128,7 +135,8 @@ def _stops(
     """
     starts: list[float] = []
     durations: list[float] = []
-    track, t = [points[0]], 0.5
+    track = [points[0]]
+    t = 0.5
     while t < seconds:
         duration = rng.uniform(*lasting)
         track.append(points[1 + len(starts) % (len(points) - 1)])
@@ -139,7 +147,8 @@ def _stops(
 
 
 def _vertical_steps(rng: np.random.Generator, seconds: float) -> Reference:
-    heights, place = rng.uniform(0.6, 3.5, 8), rng.uniform(-1, 1, 2)
+    heights = rng.uniform(0.6, 3.5, 8)
+    place = rng.uniform(-1, 1, 2)
     return _stops(rng, [[*place, height] for height in heights], seconds, (0.9, 2.2))
 
 
@@ -152,14 +161,17 @@ def _waypoints(rng: np.random.Generator, seconds: float) -> Reference:
 
 
 def _sprints(rng: np.random.Generator, seconds: float) -> Reference:
-    course, reach = rng.uniform(-np.pi, np.pi), rng.uniform(1.5, 4.0)
+    course = rng.uniform(-np.pi, np.pi)
+    reach = rng.uniform(1.5, 4.0)
     way = reach * np.array([np.cos(course), np.sin(course), 0.0])
     height = [0, 0, rng.uniform(1.0, 2.5)]
     return _stops(rng, [height, height + way, height - way], seconds, (1.5, 3.0))
 
 
 def _low_pass(rng: np.random.Generator, seconds: float) -> Reference:
-    course, reach, low = rng.uniform(-np.pi, np.pi), rng.uniform(1.0, 3.0), rng.uniform(0.2, 0.5, 6)
+    course = rng.uniform(-np.pi, np.pi)
+    reach = rng.uniform(1.0, 3.0)
+    low = rng.uniform(0.2, 0.5, 6)
     way = reach * np.array([np.cos(course), np.sin(course), 0.0])
     high = rng.uniform(1.0, 1.8)
     sides = (1, 1, -1, -1, 1, 1, -1, 1)
@@ -205,8 +217,11 @@ def draw_plans(
 
 def _draw_heading(rng: np.random.Generator) -> Heading:
     """Draw a heading: constant in half of the flights; else a slow turn or a swing."""
-    start, manner = rng.uniform(-np.pi, np.pi), rng.integers(4)
-    rate, swing, frequency = rng.uniform(-0.5, 0.5), rng.uniform(0.3, 1.0), rng.uniform(0.05, 0.15)
+    start = rng.uniform(-np.pi, np.pi)
+    manner = rng.integers(4)
+    rate = rng.uniform(-0.5, 0.5)
+    swing = rng.uniform(0.3, 1.0)
+    frequency = rng.uniform(0.05, 0.15)
     if manner == 0:
         return Heading(start, rate=rate)
     return Heading(start, swing=swing, frequency=frequency) if manner == 1 else Heading(start)

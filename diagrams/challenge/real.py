@@ -28,7 +28,8 @@ from np_drake.vehicle.estimate import Measured, estimate
 
 WINDS = ("constant_wind", "gusty_wind")
 DRAG = "linear_drag"
-PAYLOAD, GROUND = "suspended_payload", "ground_effect"
+PAYLOAD = "suspended_payload"
+GROUND = "ground_effect"
 PLACE = "place"  # finding of the unknown: a slow force that is tied to a place
 NAMED = 0.5  # probability above which a cause counts as named [1]
 FULL_FANS = 12.1  # wind of the fans at 100 per cent; other settings are in proportion [m/s]
@@ -265,10 +266,8 @@ class Campaign:
 
         neurobem: folder of NeuroBEM; None: there is none.
         """
-        root, patterns = (
-            neurobem if self.of_neurobem else real,
-            self.before if before else self.patterns,
-        )
+        root = neurobem if self.of_neurobem else real
+        patterns = self.before if before else self.patterns
         found = {path for pattern in patterns for path in root.glob(pattern)} if root else ()
         seen = (path for path in found if path.is_file() and not path.name.startswith("."))
         return sorted(seen, key=lambda path: (path.name, path))

@@ -34,7 +34,9 @@ from np_drake.logs.importing.signals import Signal
 from np_drake.rigid_body import V
 from np_drake.vehicle import Vehicle
 
-THIS, BIC = "this", "BIC"  # the diagnosis; forward selection by least squares
+# the diagnosis; forward selection by least squares
+THIS = "this"
+BIC = "BIC"
 STEP = 0.02  # between the instants at which a force is averaged [s]
 PROBABILITIES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.97, 1.0001)  # edges of bins [1]
 TOP = 5  # names that are shown of a method
@@ -128,7 +130,9 @@ def score_case(
     cases = real.make_cases(folder, neurobem, [record["group"]])
     case = next(case for case in cases if case.name == record["name"])
     campaign = campaign_of(case.group)
-    vehicle, truth, train = campaign.nominal, campaign.truth, campaign.logs(case.train)
+    vehicle = campaign.nominal
+    truth = campaign.truth
+    train = campaign.logs(case.train)
     found: dict[str, Any] = {
         "group": case.group,
         "vehicle": campaign.vehicle,
@@ -170,7 +174,8 @@ def scored(answer: Mapping[str, Any], truth: Truth, fitted: Iterable[str] = ()) 
 
     fitted: names of the flights of the fit; empty: every cause is theirs.
     """
-    fit, second = set(fitted), (answer.get("refit") or {}).get("causes", ())
+    fit = set(fitted)
+    second = (answer.get("refit") or {}).get("causes", ())
 
     def absent(cause: Mapping[str, Any]) -> bool:
         return bool(fit) and fit <= set(cause.get("absent_from") or ())
@@ -199,7 +204,8 @@ def scored(answer: Mapping[str, Any], truth: Truth, fitted: Iterable[str] = ()) 
 
 def verdict(causes: Mapping[str, float], truth: Truth, late: Sequence[str] = ()) -> dict[str, Any]:
     """Return the probabilities, whether all that is named is right, and names that are wrong."""
-    right, wrong = truth.right(causes, late), truth.wrong(causes, late)
+    right = truth.right(causes, late)
+    wrong = truth.wrong(causes, late)
     return {
         "causes": dict(causes),
         "late": list(late),
@@ -244,7 +250,8 @@ def payload_columns(flights: Sequence[FlightResiduals]) -> list[Columns]:
     rows = np.cumsum([0, *(len(e.t) for e in flights)])
     X = np.zeros((len(LENGTHS), rows[-1], WRENCH, 1 + 4 * len(flights)))
     moves = np.concatenate([np.zeros((1, 4)), SMALL * np.eye(4)])
-    lengths, states = np.repeat(LENGTHS, 5), np.tile(moves, (len(LENGTHS), 1))
+    lengths = np.repeat(LENGTHS, 5)
+    states = np.tile(moves, (len(LENGTHS), 1))
     for i, e in enumerate(flights):
         here = slice(rows[i], rows[i + 1])
         pull = _pulls(e, lengths, states)
@@ -267,7 +274,8 @@ def _pulls(e: FlightResiduals, lengths: np.ndarray, states: np.ndarray) -> np.nd
     state = states * np.stack([lengths, lengths, lengths * rate, lengths * rate], axis=1)
     r, r_rate = hanging(state[:, :2], state[:, 2:], lengths)
     between = 0.5 * (on_grid[1:] + on_grid[:-1])
-    a, v = between[:, :3], between[:, 3:]
+    a = between[:, :3]
+    v = between[:, 3:]
     steps = swing_many(lengths, r, r_rate, a, e.grid.step, gravity, damping=DAMPING, v_hook=v)
     return np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
 
@@ -279,7 +287,8 @@ def fit(y: np.ndarray, chosen: Sequence[Columns]) -> tuple[np.ndarray, float]:
     BIC = sum over channels of n log(RSS / n) + k log(rows * channels).
     """
     X = _joined(chosen, y)
-    c, weights = np.zeros(X.shape[2]), _weights(y)
+    c = np.zeros(X.shape[2])
+    weights = _weights(y)
     # Weights and coefficients in turn: iteratively reweighted least squares, which maximises the
     # likelihood of both.
     for _ in range(3):
@@ -375,9 +384,11 @@ def estimates(answer: Mapping[str, Any], truth: Truth) -> list[dict[str, Any]]:
     given = {n: e for name in truth.present for n, e in answer["parameters"].get(name, {}).items()}
     lines = []
     for name, known in truth.parameters.items():
-        true, (least, most) = known["value"], (known["value"] * bound for bound in known["asked"])
+        true = known["value"]
+        least, most = (known["value"] * bound for bound in known["asked"])
         own = given.get(name, {})
-        value, (low, high) = own.get("value"), own.get("ci95") or (None, None)
+        value = own.get("value")
+        low, high = own.get("ci95") or (None, None)
         lines.append(
             {
                 "parameter": name,
@@ -393,9 +404,13 @@ def estimates(answer: Mapping[str, Any], truth: Truth) -> list[dict[str, Any]]:
 
 def outcome(record: Mapping[str, Any], by: str) -> dict[str, Any]:
     """Return all that counts of a method in a case; None where it does not count."""
-    own, truth = record["methods"][by], campaign_of(record["group"]).truth
-    causes, fans, wind = own["causes"], record.get("wind"), own.get("wind", {})
-    names, sizes = set(real.named(causes)), estimates(own, truth)
+    own = record["methods"][by]
+    truth = campaign_of(record["group"]).truth
+    causes = own["causes"]
+    fans = record.get("wind")
+    wind = own.get("wind", {})
+    names = set(real.named(causes))
+    sizes = estimates(own, truth)
     holds = {name: truth.holds(name, own["late"]) for name in causes}
     within = {line["parameter"]: line["within"] for line in sizes}
     near = {
@@ -403,7 +418,8 @@ def outcome(record: Mapping[str, Any], by: str) -> dict[str, Any]:
         for figure, (about, most) in WITHIN.items()
         if fans and (figure != "speed" or fans <= GENTLE)
     }
-    gained, replay = own.get("fraction"), own.get("replay") or {}
+    gained = own.get("fraction")
+    replay = own.get("replay") or {}
     flown = {
         f"{horizon:g} s {when}": 100 * replay[when]["position"][k]
         for k, horizon in enumerate(replay.get("horizon", ()))
@@ -457,7 +473,8 @@ def asked_figures(rows: pd.DataFrame) -> list[dict[str, Any]]:
     """
     lines = []
     for line in real.ASKED:
-        column, gather = line["column"], GATHER[line["gather"]]
+        column = line["column"]
+        gather = GATHER[line["gather"]]
         own = rows[rows["group"].isin(CASES.get(line["of"], [line["of"]]))]
         if column in own and own[column].notna().any():
             told = own.dropna(subset=[column]).groupby("by", sort=False)[column]
@@ -574,7 +591,8 @@ def run(
     finished = run.cases(
         "diagnosing" if answers is None else "scoring", "cases", work, listed, config=config
     )
-    failed, records = failures(finished), [dict(r["result"]) for r in finished if "result" in r]
+    failed = failures(finished)
+    records = [dict(r["result"]) for r in finished if "result" in r]
     folders = {(case.group, case.name): case.folder for case in cases}
     made = {folders[r["group"], r["case"]]: r.pop("answer") for r in records if "answer" in r}
     rows = outcomes(records)

@@ -27,19 +27,24 @@ X, V, Q, W, WIND, SPEED = (
     slice(*ends) for ends in ((0, 3), (3, 6), (6, 10), (10, 13), (13, 16), (16, 20))
 )
 SIZE = 20
-FIRST, LAST, BLOWN = -8.0, 320.0, 0.005  # when gusts are blown, and how densely they are drawn [s]
+# when gusts are blown, and how densely they are drawn [s]
+FIRST = -8.0
+LAST = 320.0
+BLOWN = 0.005
 # With which an error of a tether's length dies out, critically damped [1/s]; a slack tether
 # tightens as softly.
 RATE = 80.0
 BAND = 1e-3  # of its length by which a taut tether may be too short [1]
 # Of the integrator, at most [s]: one between rows 10 ms apart, jitter included, two with a tether.
-STEP, TETHER_STEP = 0.0112, 0.0056
+STEP = 0.0112
+TETHER_STEP = 0.0056
 LAG_SHARE = 0.5  # of a motor's time constant that a step may last [1]
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the cross product of two (3,) in a tenth of the time of NumPy's."""
-    (a0, a1, a2), (b0, b1, b2) = a, b
+    a0, a1, a2 = a
+    b0, b1, b2 = b
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
@@ -47,14 +52,17 @@ def to_rotorpy(x: np.ndarray, center: np.ndarray, speed: np.ndarray) -> np.ndarr
     """Return rotorpy's state (20,) of a state (13,) of Bo, p_BoBcm_B (3,) [m] and rotor speeds (4,)
     [rad/s].
     """
-    q, w = x[3:7] / np.linalg.norm(x[3:7]), x[10:13]
-    moved, swept = attitude.rotate(q, center), attitude.rotate(q, cross(w, center))
+    q = x[3:7] / np.linalg.norm(x[3:7])
+    w = x[10:13]
+    moved = attitude.rotate(q, center)
+    swept = attitude.rotate(q, cross(w, center))
     return np.concatenate([x[0:3] + moved, x[7:10] + swept, q[[1, 2, 3, 0]], w, np.zeros(3), speed])
 
 
 def from_rotorpy(s: np.ndarray, center: np.ndarray) -> np.ndarray:
     """Return the state (13,) of Bo of rotorpy's state and p_BoBcm_B (3,) [m]."""
-    q, w = s[Q][[3, 0, 1, 2]], s[W]
+    q = s[Q][[3, 0, 1, 2]]
+    w = s[W]
     R = attitude.rotation_matrix(q)
     return np.concatenate([s[X] - R @ center, q, s[V] - R @ cross(w, center), w])
 
@@ -107,16 +115,21 @@ class Tether:
             inertial: mass [kg], inverse inertia (3, 3), p_BoBcm_B (3,) of the vehicle.
         """
         mass, J_inverse, center = inertial
-        load, length, w = self._payload.mass, self._payload.length, now.x[10:]
-        arm, (x, y, z) = self.hook - center, w.tolist()
+        load = self._payload.mass
+        length = self._payload.length
+        w = now.x[10:]
+        arm = self.hook - center
+        x, y, z = w.tolist()
         way = own[:3] - now.x[:3] - now.R_WB @ self.hook
         span = math.sqrt(float(way @ way))
         fall = np.array([0.0, 0.0, -gravity]) - self._payload.damping * own[3:]
         if span < (1 - BAND) * length:
             return np.zeros(6), np.concatenate([own[3:], fall])
-        n, rate = way / span, own[3:] - now.x[7:10] - now.R_WB @ cross(w, self.hook)
+        n = way / span
+        rate = own[3:] - now.x[7:10] - now.R_WB @ cross(w, self.hook)
         n_B = n @ now.R_WB
-        lever, along = cross(arm, n_B), float(n @ rate)
+        lever = cross(arm, n_B)
+        along = float(n @ rate)
         inward = w * float(w @ arm) - arm * (x * x + y * y + z * z)  # w x (w x arm)
         # Acceleration of the hook along the tether.
         hook = float(n @ motion[:3] + lever @ motion[3:] + n_B @ inward)
@@ -145,7 +158,8 @@ class RotorPyWorld(Multirotor):
         body = mass_properties(vehicle, places.mass)
         scales = [effect.scale for effect in places.actuator if isinstance(effect, ThrustScale)]
         lags = [effect.time_constant for effect in places.actuator if isinstance(effect, MotorLag)]
-        lag, scale = (lags or [vehicle.rotor_time_constant])[-1], float(np.prod(scales))
+        lag = (lags or [vehicle.rotor_time_constant])[-1]
+        scale = float(np.prod(scales))
         rotors = np.array(vehicle.rotor_positions) - body.p_BoBcm_B
         fastest = np.sqrt(vehicle.max_rotor_thrust / vehicle.thrust_coefficient)
         given = {
@@ -163,7 +177,8 @@ class RotorPyWorld(Multirotor):
         super().__init__(given, aero=False, enable_ground=False)
         self.g = vehicle.gravity
         self.weight = np.array([0.0, 0.0, -self.mass * self.g])
-        self._vehicle, self._center = vehicle, body.p_BoBcm_B
+        self._vehicle = vehicle
+        self._center = body.p_BoBcm_B
         self.dead_time = sum(effect.dead_time for effect in places.actuator)  # of commands [s]
         self._winds = [
             Gusts(e) if isinstance(e, GustyWind) else e.air_velocity
@@ -195,12 +210,14 @@ class RotorPyWorld(Multirotor):
         """
         speed = self._command
         if before is not None:
-            self._command, speed = before._command, before.speed()
+            self._command = before._command
+            speed = before.speed()
         s = to_rotorpy(x, self._center, speed)
         now = self._motion(t, s, speed)
         parts = [effect.state_at(self._vehicle, now.rotor_thrust) for effect in self._hidden]
         parts += [self._tether.hang(now)] if self._tether else []
-        self._t, self._s = t, np.concatenate([s, *parts])
+        self._t = t
+        self._s = np.concatenate([s, *parts])
 
     def state(self) -> np.ndarray:
         """Return the state (13,) of Bo."""
@@ -212,7 +229,9 @@ class RotorPyWorld(Multirotor):
 
     def reading(self) -> np.ndarray:
         """Return (19,) state of Bo, its acceleration in W and dw/dt in B."""
-        rate, center, w = self._rate(self._t, self._s), self._center, self._s[W]
+        rate = self._rate(self._t, self._s)
+        center = self._center
+        w = self._s[W]
         swept = cross(rate[W], center) + cross(w, cross(w, center))
         a = rate[V] - attitude.rotate(self._s[Q][[3, 0, 1, 2]], swept)
         return np.concatenate([self.state(), a, rate[W]])
@@ -228,7 +247,8 @@ class RotorPyWorld(Multirotor):
         steps = math.ceil((t - self._t) / self._step - 1e-6)
         h = (t - self._t) / steps
         for _ in range(steps):
-            s, middle = self._s, self._t + 0.5 * h
+            s = self._s
+            middle = self._t + 0.5 * h
             k1 = self._rate(self._t, s)
             k2 = self._rate(middle, s + 0.5 * h * k1)
             k3 = self._rate(middle, s + 0.5 * h * k2)
@@ -242,10 +262,13 @@ class RotorPyWorld(Multirotor):
         """Return the derivative of a state under the acting command; writes the wind into `s`."""
         s[WIND] = sum(wind(t) for wind in self._winds) if self._winds else 0.0
         self._now = self._motion(t, s, s[SPEED])
-        own, hidden, thrust = s[SIZE:], [], self._now.rotor_thrust
+        own = s[SIZE:]
+        hidden = []
+        thrust = self._now.rotor_thrust
         self._added = np.zeros(4)  # thrust and torque of effects with a hidden state [N, N·m]
         for effect in self._hidden:
-            mine, own = own[: effect.state_size], own[effect.state_size :]
+            mine = own[: effect.state_size]
+            own = own[effect.state_size :]
             given = effect.thrust(self._vehicle, mine, thrust, t)
             self._added += self._vehicle.mixer @ (given - thrust)
             hidden.append(effect.state_rate(self._vehicle, mine, thrust))
@@ -267,7 +290,8 @@ class RotorPyWorld(Multirotor):
 
         Rates (3,) are in B [rad/s], speeds (4,) in rad/s, the air speed (3,) is that of Bcm in B.
         """
-        now, worth = self._now, rotor_speeds
+        now = self._now
+        worth = rotor_speeds
         if self._gains:  # speeds of sound propellers with that thrust
             worth = np.sqrt(np.maximum(now.rotor_thrust, 0.0) / self.k_eta)
         force, torque = super().compute_body_wrench(body_rates, worth, body_airspeed_vector)

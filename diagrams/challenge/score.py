@@ -20,7 +20,9 @@ from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 
 WIDEST = 3  # names that a class may hold, a cause's own included: more tell nothing
 SURE = 0.9  # probability of a cause above which a wrong name counts as a claim
-WINDS, COMPANION = {"constant_wind", "gusty_wind"}, {"linear_drag"}  # a wind acts through a drag
+# a wind acts through a drag
+WINDS = {"constant_wind", "gusty_wind"}
+COMPANION = {"linear_drag"}
 GUSTS = "gusty_wind"
 PROBABILITIES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)  # edges of bins [1]
 
@@ -34,7 +36,8 @@ def share(outcomes: Iterable[bool]) -> dict[str, Any]:
     ci95: the exact binomial interval of Clopper and Pearson.
     """
     values = [bool(outcome) for outcome in outcomes]
-    k, n = sum(values), len(values)
+    k = sum(values)
+    n = len(values)
     if not n:
         return {"count": 0, "n": 0, "rate": None, "ci95": [0.0, 1.0]}
     interval = scipy.stats.binomtest(k, n).proportion_ci()
@@ -153,12 +156,15 @@ def outcome(case: AnsweredCase) -> dict[str, Any]:
     """Return all that counts of one case: what a score shows of it, up to `LAST_SHOWN`, and the
     rest.
     """
-    found, verdict, acting = matches(case), set(case.verdict), set(case.true_names)
+    found = matches(case)
+    verdict = set(case.verdict)
+    acting = set(case.true_names)
     # By true effect its own name and those that are physically the same.
     same = [{true, *own} for true, own in zip(case.true_names, case.truth["class"], strict=True)]
     true = set().union(*same)
     names = [(n, case.causes.get(n, {}).get("probability"), n in true) for n in case.named]
-    unknown, missing = UNKNOWN in verdict, len(case.true_names) - len(found)
+    unknown = UNKNOWN in verdict
+    missing = len(case.true_names) - len(found)
     all_named = len(found) == len(case.named) and not missing
     sure = any((p or 0.0) > SURE and not right for _, p, right in names)
     alarm = bool(verdict) or case.answer is None
@@ -166,7 +172,8 @@ def outcome(case: AnsweredCase) -> dict[str, Any]:
     missed = {CLEAN: alarm, OUT_OF_LIBRARY: (case.visible and not unknown) or sure}.get(
         case.kind, case.visible and not right
     )
-    said, felt = case.answer or {}, case.truth.get("visibility_in_training", {})
+    said = case.answer or {}
+    felt = case.truth.get("visibility_in_training", {})
     spare = COMPANION if WINDS & acting else set()
     return {
         "case": case.name,
@@ -241,7 +248,8 @@ def errors_of(case: AnsweredCase) -> list[tuple]:
     """
     found = []
     for effect in case.truth["effects"]:
-        name, true = effect["effect"], effect["parameters"]
+        name = effect["effect"]
+        true = effect["parameters"]
         if name in case.named and name in LIBRARY and name in case.causes:
             given = case.causes[name]["parameters"]
             known = [p for p in LIBRARY[name].parameters if p.name in true and p.name in given]
@@ -267,7 +275,8 @@ def _error(
     if group[0].choices:
         return effect, name, float(not np.array_equal(real, np.round(value))), "choice", (), 0
     low, high = np.array([given[p.name]["ci95"] for p in group], float).T
-    inside, empty = tuple((low <= real) & (real <= high)), int(np.sum(low == high))
+    inside = tuple((low <= real) & (real <= high))
+    empty = int(np.sum(low == high))
     size = float(np.linalg.norm(value - real))
     if name == PLACE:
         return effect, name, size, "place", inside, empty
@@ -323,7 +332,8 @@ def onset_errors(case: AnsweredCase) -> list[dict[str, Any]]:
 
     What begins together (a wind and its drag) counts once, by the one that is worst.
     """
-    found, seen = matches(case), case.truth.get("visibility_in_training", {})
+    found = matches(case)
+    seen = case.truth.get("visibility_in_training", {})
     rows: dict[tuple[str, float], dict[str, Any]] = {}
     for i, effect in enumerate(case.truth["effects"]):
         cause = case.causes.get(found[i]) if i in found else None
@@ -383,10 +393,12 @@ def relative_gap_reduction(case: AnsweredCase) -> float | None:
     before, after: held-out residual in units of what the true model leaves, pooled over wrench
     channels [1].
     """
-    gap, left = (case.answer or {}).get("gap", {}), case.truth["true_model_residual"]
+    gap = (case.answer or {}).get("gap", {})
+    left = case.truth["true_model_residual"]
     channels = [(kind, axis) for kind in ("force", "torque") for axis in "xyz"]
     rms = [[gap.get(k, {}).get(a, {}).get(key) for k, a in channels] for key in ("rms", "after")]
-    errors, floors = np.array(rms, float), np.array([left[f"{k}_{a}"] for k, a in channels])
+    errors = np.array(rms, float)
+    floors = np.array([left[f"{k}_{a}"] for k, a in channels])
     if case.kind == CLEAN or np.isnan(errors).any() or floors.min() <= 0:
         return None
     before, after = np.sqrt(np.mean((errors / floors) ** 2, axis=1))
@@ -437,7 +449,8 @@ def logistic(visibility: np.ndarray, found: np.ndarray, steps: int = 60) -> tupl
     # Newton's method on the ridge-penalised log-likelihood (iteratively reweighted least squares),
     # steps held to 2.
     design = np.stack([np.ones_like(x), x], axis=1)
-    penalty, theta = PRIOR * np.eye(2), np.zeros(2)
+    penalty = PRIOR * np.eye(2)
+    theta = np.zeros(2)
     for _ in range(steps):
         p = scipy.special.expit(design @ theta)
         gradient = design.T @ (found - p) - penalty @ theta
@@ -459,7 +472,8 @@ def detection(
     """Return points, bins, curve (intercept, slope), and visibility of half with its 95 % interval
     (bootstrap over cases).
     """
-    x, found = np.array(visibility, float), np.array(detected, float)
+    x = np.array(visibility, float)
+    found = np.array(detected, float)
     dut: dict[str, Any] = {
         "n": len(x),
         "visibility": x.tolist(),
@@ -469,7 +483,9 @@ def detection(
     }
     if len(x) < ENOUGH:
         return dut
-    curve, rng, drawn = logistic(x, found), np.random.default_rng(seed), []
+    curve = logistic(x, found)
+    rng = np.random.default_rng(seed)
+    drawn = []
     for _ in range(DRAWS):
         pick = rng.integers(0, len(x), len(x))
         drawn.append(half_found(logistic(x[pick], found[pick], 25)))
@@ -610,7 +626,8 @@ def _effect_rows(rows: pd.DataFrame, errors: pd.DataFrame) -> list[dict[str, Any
     wrong = Counter(name for own in rows["judged"] for name, _, true in own if not true)
     found = []
     for name in (n for n in LIBRARY | MEASURED_ROTORS if n in seen):
-        mine, estimated = alone[alone["main"] == name], errors[errors["effect"] == name]
+        mine = alone[alone["main"] == name]
+        estimated = errors[errors["effect"] == name]
         found.append(
             {
                 "effect": name,

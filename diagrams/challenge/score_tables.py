@@ -86,7 +86,8 @@ def tables(score: dict[str, Any], least: float) -> list[Table]:
 
     least: visibility from which its cases count as visible [1].
     """
-    whole, sure = "all" if score["groups"] else score["sets"][0]["group"], f"≥ {least:g}"
+    whole = "all" if score["groups"] else score["sets"][0]["group"]
+    sure = f"≥ {least:g}"
     parts = [some for some in (score["qualities"], {whole: score, **score["groups"]}) if some]
     found: dict[float, dict[str, Any]] = {}
     for name, part in parts[0].items():

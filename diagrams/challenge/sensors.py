@@ -129,11 +129,13 @@ def with_sensor_noise(
     """
     if log.a is None or log.al is None or log.rotor is None:
         raise ValueError("measured: the exact log must have accelerations and rotor speed.")
-    white, n = vehicle.measurement_noise, len(log)
+    white = vehicle.measurement_noise
+    n = len(log)
     parts = rng.spawn(7)
     draw = [part.normal(size=(n, 3)) for part in parts[:6]]
     turn = quality.attitude * draw[0]
-    v, w = white.velocity * draw[1], white.rate * draw[2]
+    v = white.velocity * draw[1]
+    w = white.rate * draw[2]
     n_B = white.acceleration * draw[3]
     if quality.real:
         turn += gauss_markov(parts[0], log.t, 3, rms=quality.wander, tau=quality.wander_time)

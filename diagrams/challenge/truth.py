@@ -51,7 +51,8 @@ class Collinearity:
         self, flights: Sequence[FlightResiduals], noise: NoiseModel, tolerance: Tolerance
     ) -> None:
         """Whiten the tolerated errors."""
-        self._flights, self._noise = flights, noise
+        self._flights = flights
+        self._noise = noise
         self._tolerated = self._columns(
             [*file_errors(flights, tolerance), *flight_errors(flights, tolerance)]
         )
@@ -157,7 +158,9 @@ class GroundTruth:
 
     def content(self, simulator: str) -> dict[str, Any]:
         """Return the content of truth.json."""
-        case, held_out, quality = self.case, FILES[-1], self.case.quality
+        case = self.case
+        held_out = FILES[-1]
+        quality = self.case.quality
         noise = self.flights[held_out].noise
         return {
             "effects": [

@@ -20,7 +20,10 @@ from np_drake.files.file_access import FULL, guard_inputs
 from np_drake.files.interruption import Ended, last_signal, line
 
 PROGRAM = "np-drake"
-BAD_INPUT, FAILED, FAULT, INTERRUPTED = 2, 1, 70, 130
+BAD_INPUT = 2
+FAILED = 1
+FAULT = 70
+INTERRUPTED = 130
 DEBUG = "--debug"  # anywhere on the command line
 OUTPUTS = ("--out", "--json", "--markdown", "--mcap")  # options whose file is written
 REPORT = (
@@ -67,7 +70,8 @@ class _Lazy(TyperGroup):
         module, name, _ = VERBS[cmd_name]
         verb = getattr(import_module(f"diagrams.cli.{module}"), name)
         if not isinstance(verb, typer.Typer):
-            body, verb = verb, Verbs(add_completion=False)
+            body = verb
+            verb = Verbs(add_completion=False)
             rest = cmd_name == "reproduce"  # what follows the study's name is the study's
             verb.command(
                 cmd_name,

@@ -123,7 +123,8 @@ def sentence(found: Certificate) -> str:
     if not bound.flights:
         return f"{who}: nothing may be flown: flights fail in every part of the ranges."
     told = f"it fails in {bound}, {100 * found.confidence:g} % sure."
-    where, less = "in the part below" if found.over else "as drawn", f"{100 * found.limit:g} %"
+    where = "in the part below" if found.over else "as drawn"
+    less = f"{100 * found.limit:g} %"
     more = found.lacking
     if more is None:
         return f"{who} fails {where} more often than {less}: {told} {OTHERWISE}"
@@ -138,7 +139,8 @@ def sentence(found: Certificate) -> str:
 
 def tables(found: Certificate) -> list[Table]:
     """Return bounds and errors, the part that may be flown, and what the deviation goes with."""
-    title, flights = sentence(found), found.flights
+    title = sentence(found)
+    flights = found.flights
     if len(found.confirming):
         sizes = (found.quantile(*of) for of in (("E_xy", 0.5), ("E_xy", 0.95), ("peak", 0.95)))
         median, most, peak = (measure(v, "m") if v < inf else "unbounded" for v in sizes)

@@ -87,7 +87,8 @@ def _solve(
         )
         on_progress(result["cases"], result["cases"])
     say(*(f"{row['case']}: {row['error']}" for row in result["failed"]))
-    failed, walls = result["failed"], [row["wall"] for row in result["solved"]]
+    failed = result["failed"]
+    walls = [row["wall"] for row in result["solved"]]
     typical = f", {sum(walls) / len(walls):.3g} s a case" if walls else ""
     counts = f"{len(walls)} solved{typical}, {result['skipped']} kept, {len(failed)} failed"
     none = f"no case could be diagnosed; the first: {failed[0]['error']}" if failed else ""

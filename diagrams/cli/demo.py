@@ -29,7 +29,8 @@ def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
     start = time.perf_counter()
     with progress("demo", 1.0) as advance:
         result = run_demo(run.folder, seed=run.seed, solver=solver, jobs=jobs, on_progress=advance)
-    wall, trained = time.perf_counter() - start, result.trained
+    wall = time.perf_counter() - start
+    trained = result.trained
     flights = list(result.flights.values())
 
     def write(folder: Path) -> None:

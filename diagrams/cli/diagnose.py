@@ -188,7 +188,8 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
         every.append((f"{which}what the model lacks", header[: words.SHOWN], shown))
         said = []
         for cause in words.named_causes(one):
-            begins, verb = words.begins(cause), "changes" if cause.loads else "begins"
+            begins = words.begins(cause)
+            verb = "changes" if cause.loads else "begins"
             joined = ("; " if cause.loads else ", ").join(begins)
             said += [f"{cause.identifier} {verb} in {joined}"] if begins else []
             others = words.listed(cause.indistinguishable_from, "or")
@@ -343,7 +344,9 @@ def doctor(
     """
     nominal = None if vehicle is None else vehicle_of(vehicle)
     declared = None if log_map is None else load_map_file(log_map)
-    opened, failures, refused = list[Opened](), list[Exception](), list[LogError]()
+    opened = list[Opened]()
+    failures = list[Exception]()
+    refused = list[LogError]()
     with progress("examining", 1.0) as advance:
         for read, path in enumerate(logs):
             try:
@@ -393,9 +396,12 @@ def _what_they_tell(report: LogReport) -> list[Table]:
     groups: dict[str, list[Answer]] = {}
     for one in report.answers:
         groups.setdefault(one.identifier, []).append(one)
-    told, missed, never = list[tuple](), list[tuple](), list[tuple]()
+    told = list[tuple]()
+    missed = list[tuple]()
+    never = list[tuple]()
     for name, answers in groups.items():
-        first, clear = answers[0], [a for a in answers if a.verdict == YES]
+        first = answers[0]
+        clear = [a for a in answers if a.verdict == YES]
         row = (name, _sizes(answers, bool(clear)), number(first.typical, 2))
         if clear:
             told.append((*row, clear[0].reason.split(":")[0]))

@@ -137,14 +137,18 @@ def fly(
         require(
             mcap.suffix == ".mcap", f"--mcap: must be a file whose name ends in .mcap; got {mcap}."
         )
-    compared, lost = len(configs) > 1, list[FailedRun]()
+    compared = len(configs) > 1
+    lost = list[FailedRun]()
     if link is not None:
         flight, linked = _fly_linked(configs[0], run.seed, link)
-        flights, tables, figures = [flight], [linked], list[str]()
+        flights = [flight]
+        tables = [linked]
+        figures = list[str]()
         metrics = {"experiment": configs[0].name, "autopilot": dict(linked[2])}
     else:
         flights = fly_all(configs, run.seed, lost)
-        tables, figures = [flights_table(flights)], ["track", "errors", "wrench"]
+        tables = [flights_table(flights)]
+        figures = ["track", "errors", "wrench"]
         summaries = [flight.summary() for flight in flights]
         metrics = {"flights": summaries} if compared else summaries[0]
     if mcap is not None:
@@ -241,7 +245,8 @@ def _with_controller(config: FlightConfig, kind: str) -> FlightConfig:
     """Return a copy with a controller of a kind, without what is of another one."""
     config = copy.deepcopy(config)
     if kind != config.controller.kind:
-        config.controller.parameters, config.controller.predictor = {}, ""
+        config.controller.parameters = {}
+        config.controller.predictor = ""
     config.controller.kind = kind
     return config
 
@@ -314,7 +319,8 @@ def fly_all(configs: list[FlightConfig], seed: int, lost: list[FailedRun]) -> li
         lost: takes what ended a flight early.
     Raises: FailedRun: where no flight is left; it names all.
     """
-    flights, first = [], configs[0]
+    flights = []
+    first = configs[0]
     names = ", ".join(dict.fromkeys(config.controller.name for config in configs))
     with progress(f"flying {first.name} with {names}", len(configs) * first.end) as advance:
         for k, own in enumerate(configs):
@@ -463,7 +469,8 @@ def node(
                 flying, wait=float("inf") if wait is None else wait, ended=ended, monitor=monitor
             )
             told.show(flying)
-    flown, why = flying.flown, flying.lacks or flying.events[-1][2]
+    flown = flying.flown
+    why = flying.lacks or flying.events[-1][2]
     if flown is not None and run.out is not None:
         file = run.folder / f"{config.name}_{config.controller.name}.csv"
         write_log(flown, file)
@@ -505,7 +512,9 @@ class _Told:
 
     def __enter__(self) -> "_Told":
         self._lines: SimpleQueue[str | None] = SimpleQueue()
-        self._shown, self._lacks, self._rate = 0, list[str](), 1.0
+        self._shown = 0
+        self._lacks = list[str]()
+        self._rate = 1.0
         self._thread = Thread(target=self._work, daemon=True)
         self._thread.start()
         return self

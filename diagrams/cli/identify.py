@@ -62,8 +62,12 @@ from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST, Measured, estimate
 from np_drake.vehicle.rotor_layout import PROPS, directions_of
 from np_drake.vehicle.text import save_vehicle
 
-FILE, JSON, SCHEMA = "vehicle.yaml", "identification.json", "identification"
-READ, FITTED = 0.3, 0.8  # shares of the bar
+FILE = "vehicle.yaml"
+JSON = "identification.json"
+SCHEMA = "identification"
+# shares of the bar
+READ = 0.3
+FITTED = 0.8
 UNTOLD = "none tells which way the propellers turn; those of the vehicle count, or give --props"
 LAST = 2 / 3  # share of a single flight that is fitted; own choice
 
@@ -157,7 +161,8 @@ def identify(
         "held_out": [log.name for log in judging],
         "map": log_map,
     }
-    own, failure = None, None
+    own = None
+    failure = None
     try:
         own = identified_vehicle(found, name)
     except ValueError as error:  # its values are none's
@@ -277,15 +282,18 @@ def _split(
     long = [kept for found in logs if (kept := [log for log in found if lasts(log) >= SHORTEST])]
     most = max(map(lasts, flights), default=0.0)
     require(long, f"needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s.")
-    fitted, single = [log for kept in long for log in kept], False
+    fitted = [log for kept in long for log in kept]
+    single = False
     if not judges and len(fitted) > 1:
         last = len(long[-1]) if len(long) > 1 else 1
         fitted, judges = fitted[:-last], fitted[-last:]
     elif not judges and LAST * lasts(fitted[0]) >= SHORTEST:
-        judges, single = fitted, True
+        judges = fitted
+        single = True
     elif not judges:
         said.append(f"{fitted[0].name}: too short to hold a third of it out")
-    start, kept = LAST if single else 0.0, []
+    start = LAST if single else 0.0
+    kept = []
     for log in judges:
         reason = unfit(signals(log, vehicle.unmixer, drive).part(start, 1.0), 1.0 - start)
         said += [f"{log.name}: {reason}; does not judge"] if reason else []

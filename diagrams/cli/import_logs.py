@@ -72,7 +72,10 @@ def import_logs(
     require(suffix in SUFFIXES, f"--suffix must be one of {', '.join(SUFFIXES)}; got {suffix!r}.")
     declared = None if log_map is None else load_map_file(log_map)
     how = {"rate": rate, "start": start, "stop": stop, "adopt": adopt}
-    rows, written, failures, left = list[tuple](), list[str](), list[str](), list[str]()
+    rows = list[tuple]()
+    written = list[str]()
+    failures = list[str]()
+    left = list[str]()
     with progress("importing", len(logs)) as advance:
         for number, path in enumerate(logs):
             try:

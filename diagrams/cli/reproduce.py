@@ -48,7 +48,8 @@ class Study:
     def command(self, name: str) -> Any:
         """Return the study as a command, named as it is called, with all its options."""
         study = getattr(import_module(f"diagrams.{self.module}"), self.function)
-        app, out = Verbs(add_completion=False), OUT_OF_CASES if self.many else OUT
+        app = Verbs(add_completion=False)
+        out = OUT_OF_CASES if self.many else OUT
         app.command(name)(reports(VERB, seed=self.seed, out=out, many=self.many)(study))
         return typer.main.get_command(app)
 
@@ -150,10 +151,8 @@ def bench(
     from diagrams.studies.tracking import DITHERED
 
     with progress("training, recording problems", 1.0) as advance:
-        paper, row = (
-            run.folder / "paper.safetensors",
-            Row("", "", training=DITHERED, configuration="paper"),
-        )
+        paper = run.folder / "paper.safetensors"
+        row = Row("", "", training=DITHERED, configuration="paper")
         train_row(row, paper, seed=run.seed, solver="sqp")
         advance(0.5, "recording")
         kinds: dict[str, dict[str, Any]] = {

@@ -131,7 +131,8 @@ def train(
     step = step or sampling_period(flown)
     start = time.perf_counter()
     if name == PAYLOAD_FILTER:
-        learned, loss = None, list[float]()
+        learned = None
+        loss = list[float]()
         if envelope:
             from diagrams.studies.learning import train_on_envelope
 
@@ -145,7 +146,8 @@ def train(
         learnt = _learn_reaction(name, flights, out, step=step, seed=run.seed, epochs=epochs)
     else:
         learnt = _learn_lifted(name, flights, out, step=step, seed=run.seed, epochs=epochs)
-    wall, summary = time.perf_counter() - start, learnt.summary
+    wall = time.perf_counter() - start
+    summary = learnt.summary
     if learnt.loss:
         what = {
             PAYLOAD_FILTER: ("trial [1]", "error [m]"),
@@ -200,8 +202,10 @@ def _learn_vehicle(
                 on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}"),
             )
     found.save(out)
-    error, spread = 100 * found.thrust_error, 100 * found.thrust_error_deviation
-    drag, drag_spread = found.mass * found.drag, found.mass * found.drag_deviation
+    error = 100 * found.thrust_error
+    spread = 100 * found.thrust_error_deviation
+    drag = found.mass * found.drag
+    drag_spread = found.mass * found.drag_deviation
     torque = ", ".join(f"{1e3 * c:.3g}" for c in found.speed_torque)
     rows: list[tuple] = [
         ("thrust error [%]", f"{error:.2f} ± {spread:.2f}"),
@@ -272,7 +276,8 @@ def _learn_lifted(
     config = make_config(name, frame=flights[0].frame, seed=seed, epochs=epochs)
     result = behind_bar(f"training {name}", partial(train_on_flights, flights, config, step=step))
     save_model(result.model, out)
-    summary, lag = result.model.summary, rotor_lag_of(result.model)
+    summary = result.model.summary
+    lag = rotor_lag_of(result.model)
     if lag > 0:
         tell(
             f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model "
@@ -368,7 +373,8 @@ def evaluate(
         if schema_of(predictor) == SCHEMA
         else load_model(predictor)
     )
-    tests, rows = open_flights(logs, vehicle), list[dict]()
+    tests = open_flights(logs, vehicle)
+    rows = list[dict]()
     for zeta in MOTIONS:
         with run.counting(f"scoring, coming motion {zeta}") as on_flight:
             rows += score_flights(model, tests, steps, zeta=zeta, on_flight=on_flight)
@@ -400,7 +406,8 @@ def tables(rows: list[dict[str, Any]], zeta: str) -> list[Table]:
     import pandas as pd
 
     frame = pd.DataFrame([row for row in rows if row["zeta"] == zeta])
-    header, found = ["ahead", *(f"{h:.4g} s" for h in sorted(set(frame["horizon"])))], []
+    header = ["ahead", *(f"{h:.4g} s" for h in sorted(set(frame["horizon"])))]
+    found = []
     for flight, own in frame.groupby("flight", sort=False):
         own = own.sort_values("horizon", kind="stable")
         for kind, unit in (("force", "N"), ("torque", "N·m")):

@@ -120,10 +120,12 @@ def presets() -> None:
     """List the vehicles that come with the package, which --vehicle takes by name."""
     rows = []
     for name in preset_names():
-        known, lines = load_vehicle(name), vehicle_file(name).read_text("utf-8").splitlines()
+        known = load_vehicle(name)
+        lines = vehicle_file(name).read_text("utf-8").splitlines()
         source = next(line for line in lines if line.startswith("# Source")).split(": ", 1)[1]
         source = re.split(r",| for |;", source)[0].rstrip(".")
-        arm, ratio = 100 * scales(known).length, numbers(known).thrust_to_weight
+        arm = 100 * scales(known).length
+        ratio = numbers(known).thrust_to_weight
         rows.append((name, known.mass, arm, ratio, source))
     header = ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"]
     print_table("vehicles", header, rows)
@@ -167,8 +169,11 @@ def _scale_rows(known: Vehicle) -> list[tuple]:
     """Return the scales and dimensionless numbers of a vehicle, and its default flight."""
     from diagrams.loop.experiments import load_experiment
 
-    unit, number, circle = scales(known), numbers(known), load_experiment("circle", known)
-    payload, reference = circle.reality.payload, circle.reference
+    unit = scales(known)
+    number = numbers(known)
+    circle = load_experiment("circle", known)
+    payload = circle.reality.payload
+    reference = circle.reference
     stated = [
         "not stated: the diagnosis' own" if value is None else f"{percent(value)} of the value"
         for value in (known.mass_uncertainty, known.thrust_uncertainty)

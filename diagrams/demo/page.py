@@ -20,7 +20,8 @@ from np_drake.files.figure_file import DASHES, PALETTE, Figure, new_figure
 from np_drake.files.page import Section, write_page
 from np_drake.logs.formats.log_file import write_log
 
-FILE, TEMPLATE = "index.html", Path(__file__).with_name("index.html.j2")
+FILE = "index.html"
+TEMPLATE = Path(__file__).with_name("index.html.j2")
 LABELS = {
     "nominal": "nominal MPC",
     "hold": "hold",
@@ -118,7 +119,8 @@ def content(demo: Demo) -> dict[str, Any]:
 
 def headline(demo: Demo) -> str:
     """Return the answer in one line."""
-    cut, found = demo.reduction()[HELD_OUT]["E_xy"], demo.diagnosis.verdict
+    cut = demo.reduction()[HELD_OUT]["E_xy"]
+    found = demo.diagnosis.verdict
     right = sum(name in found for name in demo.withheld)
     wrong = len(set(found) - set(demo.withheld))
     others = f"{wrong} that {'is' if wrong == 1 else 'are'} not there" if wrong else "no other"
@@ -142,7 +144,8 @@ def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
             low, high = estimate.ci95
             if true == 0.0 and low <= 0.0 <= high:
                 continue
-            told, unit = words.NOTHING, words.unit_of(cause, estimate)
+            told = words.NOTHING
+            unit = words.unit_of(cause, estimate)
             if true is not None:  # with the digits of the interval
                 half = 0.5 * (high - low)
                 exact = Estimate(true, estimate.unit, (true - half, true + half))

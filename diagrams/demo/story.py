@@ -26,7 +26,9 @@ from np_drake.flight_log import FlightLog
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.vehicle import Vehicle
 
-NOMINAL, HOLD, LEARNED = Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np")
+NOMINAL = Row("nominal", "nominal")
+HOLD = Row("hold", "hold")
+LEARNED = Row("np", "np")
 FILTER = Row(PAYLOAD_FILTER, PAYLOAD_FILTER)
 ROWS = (NOMINAL, HOLD, LEARNED, FILTER)
 HELD_OUT = TRACKS[-1]  # judges the diagnosis, and is flown in the simulators
@@ -177,7 +179,8 @@ def _side_by_side(
     Raises: what the work raises; FailedRun: where its process died.
     """
     tell(0.0)
-    keys, results = list(work), {}
+    keys = list(work)
+    results = {}
     alone = enumerate(task() for task in work.values())
     for number, value in alone if jobs == 1 else as_they_finish(call, list(work.values()), jobs):
         if isinstance(value, FailedRun):
@@ -215,7 +218,8 @@ def _diagnose(
 
 def diagnosed(flight: FlightResult) -> FlightLog:
     """Return the part of the log of a flight that is diagnosed."""
-    log, start = flight.log(), flight.config.reference.lead
+    log = flight.log()
+    start = flight.config.reference.lead
     first, last = log.t.searchsorted([start - 1e-9, start + DIAGNOSED - 1e-9])
     return dc.replace(log.rows(int(first), int(last)), name=f"{flight.config.name}.csv")
 

@@ -49,9 +49,14 @@ STEP = 0.002  # of the integrator, runge_kutta4 [s]
 FINEST_STEP = 0.0005  # for which the memory of delayed commands suffices [s]
 LIMIT = (0.004, 1.0)  # of the tether: time constant [s], damping ratio [1]; stretches by 0.01 mm
 # shape
-BODY, ARM, DISC = 0.5, 0.07, 0.04  # sizes over the arm's length, as in our replay; own choice [1]
+# sizes over the arm's length, as in our replay; own choice [1]
+BODY = 0.5
+ARM = 0.07
+DISC = 0.04
 HEIGHT = 0.2  # of body and box over the arm's length; own choice: no vehicle file tells it [1]
-DARK, PALE = (0.2, 0.2, 0.22, 1.0), (0.6, 0.6, 0.6, 0.6)  # red, green, blue, opacity
+# red, green, blue, opacity
+DARK = (0.2, 0.2, 0.22, 1.0)
+PALE = (0.6, 0.6, 0.6, 0.6)
 SHAPE = "approximate; a box as wide as the rotors reach collides, body, arms and discs are seen"
 
 
@@ -110,8 +115,10 @@ class Box:
 
 def hull(vehicle: Vehicle) -> Box:
     """Return the box that collides: as wide as the rotor discs reach, as high as the body."""
-    p, half = np.array(vehicle.rotor_positions, float), 0.5 * HEIGHT * _arm(vehicle)
-    lower, upper = p.min(axis=0) - vehicle.rotor_radius, p.max(axis=0) + vehicle.rotor_radius
+    p = np.array(vehicle.rotor_positions, float)
+    half = 0.5 * HEIGHT * _arm(vehicle)
+    lower = p.min(axis=0) - vehicle.rotor_radius
+    upper = p.max(axis=0) + vehicle.rotor_radius
     lower[2], upper[2] = min(p[:, 2].min(), 0.0) - half, max(p[:, 2].max(), 0.0) + half
     return Box("hull", 0.5 * (lower + upper), upper - lower)
 
@@ -142,7 +149,8 @@ def write_sdf(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) -> lis
     Raises: ValueError: as `corrected`, or if the rotor links have more inertia than the vehicle.
     """
     c = corrected(vehicle, effects)
-    turning, rotor_mass = c.rotor_inertia > 0, ROTOR_SHARE * vehicle.mass
+    turning = c.rotor_inertia > 0
+    rotor_mass = ROTOR_SHARE * vehicle.mass
     ball = 0.4 * rotor_mass * (ROTOR_RADIUS * vehicle.rotor_radius) ** 2
     flat = c.rotor_inertia * np.array([0.51, 0.51, 1.0])  # nearly a disc
     rotor_J = np.diag(flat if turning else np.full(3, ball))
@@ -233,7 +241,8 @@ def _write(path: str | Path, template: str, c: Corrected, **values: Any) -> None
         lstrip_blocks=True,
         finalize=_digits,
     )
-    hung, vehicle = payload_config(c.payload), c.vehicle
+    hung = payload_config(c.payload)
+    vehicle = c.vehicle
     text = Path(__file__).with_name(template).read_text("utf-8")
     made = environment.from_string(text).render(
         values,

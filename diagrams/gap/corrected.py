@@ -22,7 +22,9 @@ from np_drake.files.number_text import NBSP
 from np_drake.files.yaml_file import quoted
 from np_drake.vehicle import Vehicle
 
-SHORTEST, LONGEST = 0.02, 20.0  # of a correlation time that a log can show [s]; own choice
+# of a correlation time that a log can show [s]; own choice
+SHORTEST = 0.02
+LONGEST = 20.0
 FILE = "corrected.yaml"
 SECOND = "corrected_second.yaml"  # of the second answer
 TEMPLATE = Path(__file__).with_name("corrected.yaml.j2")
@@ -185,7 +187,8 @@ def not_flyable(config: FlightConfig) -> str:
         losses.append(_loss(config, kind))
         if not losses[-1]:
             return ""
-    reality, guilty = config.reality, []
+    reality = config.reality
+    guilty = []
     for k, entry in enumerate(reality.effects):
         rest = [*reality.effects[:k], *reality.effects[k + 1 :]]
         without = dc.replace(reality, effects=rest, posterior=Posterior())

@@ -78,8 +78,10 @@ class _Flight:
 
     def at_start(self, row: int) -> np.ndarray:
         """Return state and payload (16,) of a row from which a replay starts."""
-        x, t = self.states.x[row], float(self.states.t[row])
-        payload, swing = split_effects(self.acting(t)).payload, self.swing(t)
+        x = self.states.x[row]
+        t = float(self.states.t[row])
+        payload = split_effects(self.acting(t)).payload
+        swing = self.swing(t)
         if payload is None or payload.mass == 0 or swing is None:
             return np.append(x, np.full(3, np.nan))
         return np.append(x, x[P] + attitude.rotate(x[Q], np.array(payload.payload.hook)) + swing.r)
@@ -100,7 +102,8 @@ class DrakeReplay:
     """
 
     def __init__(self, vehicle: Vehicle, *, starts: int = STARTS):
-        self._vehicle, self._starts = vehicle, starts
+        self._vehicle = vehicle
+        self._starts = starts
         self._rollouts: dict[tuple, Rollout] = {}
 
     def __call__(self, logs: list[FlightLog], effects: Effects) -> ReplayGap:
@@ -122,7 +125,8 @@ class DrakeReplay:
         Args:
             t: (n,) times of the states [s].
         """
-        first, last = log.t[0] + LEAD, log.t[-1] - HORIZONS[-1] - _MARGIN
+        first = log.t[0] + LEAD
+        last = log.t[-1] - HORIZONS[-1] - _MARGIN
         require(
             last >= first,
             f"DrakeReplay: {log.name} must last at least "
@@ -144,7 +148,8 @@ class DrakeReplay:
         return self._follow(self._prepared(log, effects), legs)
 
     def _follow(self, flight: _Flight, legs: Sequence[np.ndarray]) -> Ghost:
-        t, flown = flight.states.t, []
+        t = flight.states.t
+        flown = []
         for rows in legs:
             # A slow log has a row in several frames.
             later, place = np.unique(rows, return_inverse=True)
@@ -158,10 +163,12 @@ class DrakeReplay:
 
     def _prepared(self, log: FlightLog, effects: Effects) -> _Flight:
         """Return what a replay of this flight needs."""
-        vehicle, measured = self._vehicle, log.input == "rotor_speed"
+        vehicle = self._vehicle
+        measured = log.input == "rotor_speed"
         own = in_flight(vehicle, measured=measured, beside=(e for e, _ in effects))
         every: Effects = [*((e, {}) for e in own), *effects]
-        sensors, bodily = [], []
+        sensors = []
+        bodily = []
         for effect, onsets in every:
             if onsets and log.name not in onsets:
                 continue
@@ -178,7 +185,8 @@ class DrakeReplay:
         parts = split_effects([*others, *([] if first is None else [first])])
         if vehicle.logged_point == "center_of_mass":
             states = states.about(mass_properties(vehicle, parts.mass).p_BoBcm_B)
-        track, u = None, log.u
+        track = None
+        u = log.u
         if parts.payload is not None:
             track = payload_track(log, states, vehicle, parts, parts.payload)
         if measured:  # the motors have lagged already; a reading stands for the interval after it
@@ -190,7 +198,9 @@ class DrakeReplay:
         """Return state and payload (len(times), 16) at `times` [s] of a replay from a start row, as
         `Rollout.fly`.
         """
-        now, end, state = float(flight.states.t[start]), float(times[-1]), flight.states.x[start]
+        now = float(flight.states.t[start])
+        end = float(times[-1])
+        state = flight.states.x[start]
         flown: dict[float, np.ndarray] = {}
         for until in [*sorted({onset for _, onset in flight.effects if now < onset < end}), end]:
             stops = np.array([now, *sorted({until, *times[(times > now) & (times < until)]})])
@@ -200,7 +210,8 @@ class DrakeReplay:
                 self._rollouts[key] = Rollout(flight.vehicle, flight.acting(now))
             leg = self._rollouts[key].fly(state, flight.commands, stops, flight.swing(now))
             flown |= dict(zip(stops[1:].tolist(), leg, strict=True))
-            now, state = until, leg[-1, :13]
+            now = until
+            state = leg[-1, :13]
         return np.array([flown[float(time)] for time in times])
 
 
@@ -280,7 +291,8 @@ class Rollout:
         begin = max(times[0] - self.lead, min(commands.t[0], times[0]))
         self._root.SetTimeStateAndParametersFrom(self._default)
         self._root.SetTime(begin)
-        states, output = np.full((len(times) - 1, 16), np.nan), self._diagram.GetOutputPort("x")
+        states = np.full((len(times) - 1, 16), np.nan)
+        output = self._diagram.GetOutputPort("x")
         try:
             self._place(x, swing)
             self._simulator.Initialize()
@@ -308,7 +320,8 @@ class Rollout:
         """Set the vehicle to x (13,) and the payload to its swing; motors and delays are left as
         they are.
         """
-        positions, velocities = [x[Q], x[P]], [attitude.rotate(x[Q], x[W]), x[V]]
+        positions = [x[Q], x[P]]
+        velocities = [attitude.rotate(x[Q], x[W]), x[V]]
         if self._payload is not None and swing is not None:
             hook = attitude.rotate(x[Q], np.array(self._payload.hook))
             rate = np.cross(velocities[0], hook)

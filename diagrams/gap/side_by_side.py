@@ -109,7 +109,9 @@ def side_by_side(
         for e, _ in effects
         if e.identifier == "suspended_payload"
     ]
-    nominal, corrected, missing = replay.follow(log, [], legs), None, ""
+    nominal = replay.follow(log, [], legs)
+    corrected = None
+    missing = ""
     try:
         corrected = replay.follow(log, effects, legs) if effects else None
     except ValueError as error:  # no rigid body has such parameters, as in the replay of the report
@@ -143,19 +145,23 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
     of each from it.
     Raises: OSError: if it cannot be written.
     """
-    meshcat, film, size = new_scene(), Film(), scales(vehicle).length
+    meshcat = new_scene()
+    film = Film()
+    size = scales(vehicle).length
     add_quadrotor(meshcat, vehicle, "flight")
     add_trail(meshcat, "flight_trail", found.x[:, :3], 0.04 * size, DARK)
     ghosts = {"nominal": (found.nominal, RED)}
     if found.corrected is not None:
         ghosts["corrected"] = (found.corrected, GREEN)
     frame = np.arange(len(found.x))
-    trails, read_outs = [("flight_trail", 0 * frame, frame)], []
+    trails = [("flight_trail", 0 * frame, frame)]
+    read_outs = []
     for name, (ghost, color) in ghosts.items():
         pale = Rgba(color.r(), color.g(), color.b(), PALE)
         add_quadrotor(meshcat, vehicle, name, pale)
         # Where a ghost was lost, its trail stays at the last frame of the leg in which it was not.
-        error, p = ghost.errors[:, 0], ghost.x[:, :3]
+        error = ghost.errors[:, 0]
+        p = ghost.x[:, :3]
         flown = np.where(np.isfinite(p), p, found.x[:, :3])
         add_trail(meshcat, f"{name}_trail", flown, 0.05 * size, color)
         last = np.maximum.accumulate(np.where(np.isfinite(error), frame, found.restarted))

@@ -32,7 +32,8 @@ from np_drake.identification.identify import Identification, doubts, trades
 from np_drake.identification.quantities import QUANTITIES, Identified
 from np_drake.identification.validation import ERRORS, HORIZONS, HeldOut
 
-PAGE, TEMPLATE = "identification.html", Path(__file__).with_name("page.html.j2")
+PAGE = "identification.html"
+TEMPLATE = Path(__file__).with_name("page.html.j2")
 VEHICLE = "vehicle.yaml"
 
 
@@ -187,13 +188,15 @@ def interval(q: Identified) -> tuple[str, str]:
 def prior_interval(q: Identified) -> str:
     """Return the 95 % interval of the prior as text, in the unit of the value."""
     factor, unit = shown_in(q)
-    low, high = factor * q.prior[0], factor * q.prior[1]
+    low = factor * q.prior[0]
+    high = factor * q.prior[1]
     return estimate(Estimate(0.5 * (low + high), unit, (low, high)), unit, brief=True)[1]
 
 
 def shown_in(q: Identified) -> tuple[float, str]:
     """Return the factor and the name of the unit in which a quantity is shown."""
-    unit, largest = q.quantity.unit, max(abs(q.value), abs(q.low), abs(q.high))
+    unit = q.quantity.unit
+    largest = max(abs(q.value), abs(q.low), abs(q.high))
     if unit in SHOWN:
         return SHOWN[unit]
     power = math.floor(math.log10(largest)) if largest > 0 else 0
@@ -287,8 +290,10 @@ def agreement(q: Identified) -> str:
 
 def headline(found: Identification) -> str:
     """Return the answer in one line: three numbers, and whether the flights tell them."""
-    every, count = {q.name: q for q in found.quantities}, len(found.models)
-    by, told = f"{count} flight{'s' * (count > 1)}", sum(q.told for q in found.quantities)
+    every = {q.name: q for q in found.quantities}
+    count = len(found.models)
+    by = f"{count} flight{'s' * (count > 1)}"
+    told = sum(q.told for q in found.quantities)
     leading = [next((every[n] for n in names if n in every), None) for names in ANSWERS]
     said = [
         f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)}, {TELLS[q.told]})"
@@ -315,7 +320,9 @@ def change(rows: Sequence[HeldOut]) -> str:
     return f"On {flights(len(names))} the residual {listed(both)}." if both else ""
 
 
-TOLD, OTHER, PRIOR = PALETTE[0], PALETTE[1], "0.85"
+TOLD = PALETTE[0]
+OTHER = PALETTE[1]
+PRIOR = "0.85"
 REACH = 2.2  # of the axis, in half widths of the prior [1]
 ACROSS = 3  # panels beside each other
 MARKS = {"vehicle file": ("o", PALETTE[1]), "identified": ("s", PALETTE[0])}
@@ -362,13 +369,16 @@ def place_in_prior(q: Identified, value: float) -> float:
     """Return where a value lies in the prior: 0 in its middle, -1 and 1 at the ends of its 95 %."""
     low, high = q.prior
     if q.quantity.positive:
-        value, low, high = math.log(value), math.log(low), math.log(high)
+        value = math.log(value)
+        low = math.log(low)
+        high = math.log(high)
     return (value - 0.5 * (low + high)) / max(0.5 * (high - low), 1e-300)
 
 
 def agreement_figure(found: Identification, each: Sequence[FlightValues]) -> Figure:
     """Return what each flight tells alone of each quantity, beside what all tell together."""
-    rows, count = math.ceil(len(each) / ACROSS), len(found.models)
+    rows = math.ceil(len(each) / ACROSS)
+    count = len(found.models)
     figure, grid = new_figure(rows, ACROSS, width=10.5, height=0.9 + 1.75 * rows)
     for place, ax in enumerate(grid.ravel()):
         if place >= len(each):
@@ -420,7 +430,8 @@ def residual_figure(rows: Sequence[HeldOut]) -> Figure:
             shift = 0.18 * (models.index(row.model) - 0.5 * (len(models) - 1))
             if len(flights) > 1:
                 shift += 0.1 * (flights.index(row.flight) / (len(flights) - 1) - 0.5)
-            values, (mark, colour) = factor * getattr(row, name), MARKS[row.model]
+            values = factor * getattr(row, name)
+            mark, colour = MARKS[row.model]
             ax.plot(np.arange(3) + shift, values, mark, color=colour, markersize=7, label=row.model)
         ax.set_xticks(range(3), [f"{name} {axis}" for axis in "xyz"])
         ax.set(yscale="log", ylabel=f"RMS [{shown}]", xlim=(-0.5, 2.5))

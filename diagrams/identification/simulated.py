@@ -36,7 +36,9 @@ from np_drake.vehicle.vehicle import (
 )
 
 INPUTS = ("rotor_speed", "throttle", "command")
-LIGHTEST, HEAVIEST = 0.03, 20.0  # [kg]
+# [kg]
+LIGHTEST = 0.03
+HEAVIEST = 20.0
 # white noise of rotor speed, of hover [1]; that of telemetry of the flights by IMRCLab is 0.001
 TACHOMETER = 0.002
 # share of rotor commands at a limit, from which a loop oscillates [1]; own choice
@@ -83,7 +85,8 @@ class Truth:
         Args:
             volts: voltage to which full throttle refers [V]; 0: that of the vehicle.
         """
-        v, c = self.vehicle, self.vehicle.calibration
+        v = self.vehicle
+        c = self.vehicle.calibration
         found = {
             "torque over thrust": v.torque_coefficient / v.thrust_coefficient,
             "inertia of a rotor": c.rotor_inertia,
@@ -125,7 +128,8 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     mass = float(np.exp(rng.uniform(np.log(LIGHTEST), np.log(HEAVIEST))))
     arm = rng.uniform(0.13, 0.2) * mass ** (1 / 3)
     angle = rng.uniform(0.65, 0.92)
-    x, y = arm * np.sin(angle), arm * np.cos(angle)
+    x = arm * np.sin(angle)
+    y = arm * np.cos(angle)
     radius = rng.uniform(0.4, 0.65) * arm
     number = rng.uniform(0.06, 0.18)
     k = float(number * AIR * (2 * radius) ** 4 / (2 * np.pi) ** 2)
@@ -235,7 +239,8 @@ def _as_logged(
     exact: FlightLog, truth: Truth, quality, rng: np.random.Generator, name: str
 ) -> FlightLog:
     """Return a flight as the sensors of the vehicle log it."""
-    v, g = truth.vehicle, np.array([0.0, 0.0, G])
+    v = truth.vehicle
+    g = np.array([0.0, 0.0, G])
     # The accelerometer averages over the interval after a row: the change of its velocity.
     force = force_between(
         exact.t, exact.q, exact.v + attitude.rotate(exact.q, np.cross(exact.w, truth.imu))
@@ -248,7 +253,8 @@ def _as_logged(
     force = attitude.rotate_back(turns, attitude.rotate_back(log.q, log.a + g))
     # An autopilot estimates its attitude by the same IMU; that of a research vehicle is by markers.
     q = attitude.multiply(log.q, turns) if truth.input == "throttle" else log.q
-    a, w = attitude.rotate(q, force) - g, attitude.rotate_back(turns, log.w)
+    a = attitude.rotate(q, force) - g
+    w = attitude.rotate_back(turns, log.w)
     log = dc.replace(log, q=q, a=a, w=w, al=None, name=name)
     log = log.taken(kept_rows(rng, quality, len(log)))
     if truth.input == "rotor_speed":
@@ -283,7 +289,8 @@ def identified(case: Case, *, flights: int, seconds: float) -> Line:
 
 
 def _beside_truth(q: Identified, true: float, truth: Truth) -> Line:
-    (low, high), quantity = q.prior, q.quantity
+    low, high = q.prior
+    quantity = q.quantity
     guess = float(np.sqrt(low * high)) if quantity.positive else 0.5 * (low + high)
     unit, error = error_of(quantity, q.value, true, truth)
     return {
@@ -366,7 +373,8 @@ def _covered(results: Sequence[Line], air: bool) -> tuple[float | None, float | 
         [q["within"] for q in r["quantities"] if q["told"] and q["air"] == air] for r in results
     ]
     inside, told = np.array([(sum(c), len(c)) for c in counts], float).T
-    every, n = int(told.sum()), len(results)
+    every = int(told.sum())
+    n = len(results)
     if not every:
         return None, None, 0
     share = float(inside.sum() / every)
@@ -427,7 +435,8 @@ def run(
     )
     results(records)
     judged = [{**r["case"], **r["result"]} for r in records if "result" in r]
-    pooled, each = pooled_lines(judged), quantity_lines(judged)
+    pooled = pooled_lines(judged)
+    each = quantity_lines(judged)
     title = (
         f"truth inside its 95 % interval; {len(judged)} vehicles, {flights} x "
         f"{seconds:g} s, seeds {run.seed} … {run.seed + vehicles - 1}"

@@ -26,7 +26,9 @@ from np_drake.effects.library import effect_of
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle.vehicle import Calibration
 
-BEFORE, TRAIN = 2, 2  # flights before the change, and flights after it that are fitted
+# flights before the change, and flights after it that are fitted
+BEFORE = 2
+TRAIN = 2
 # of thrust over throttle and voltage from flight to flight [1]; source: own choice, cells that warm
 SCATTER = 0.01
 CLOSE = 0.2  # error of a size over the change that counts as right [1]; own choice
@@ -48,7 +50,8 @@ CHANGES = (
 
 def changed(truth: Truth, kind: str, rng: np.random.Generator) -> tuple[Truth, Change]:
     """Return the vehicle after a change of a kind of `CHANGES`, and the change."""
-    v, parts = truth.vehicle, kind.split(", ")
+    v = truth.vehicle
+    parts = kind.split(", ")
     thrust, torque, mass = (
         1.0 + float(rng.choice([-1.0, 1.0]) * rng.uniform(*of)) if part in parts else 1.0
         for part, of in SIZES.items()
@@ -61,7 +64,8 @@ def changed(truth: Truth, kind: str, rng: np.random.Generator) -> tuple[Truth, C
     change: Change = dict(sizes[part] for part in parts if part in sizes)
     gains = list(v.calibration.rotor_gains)
     if kind == "one rotor":
-        number, efficiency = int(rng.integers(4)), float(rng.uniform(0.75, 0.92))
+        number = int(rng.integers(4))
+        efficiency = float(rng.uniform(0.75, 0.92))
         gains[number] *= efficiency
         change[WeakRotor.identifier] = {"rotor": number + 1.0, "efficiency": efficiency}
     vehicle = dc.replace(

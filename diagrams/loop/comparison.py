@@ -71,7 +71,9 @@ def write_comparison(
 def conditions(flight: FlightResult) -> str:
     """Return payload, speed and wind of a flight in a sentence."""
     config = flight.config
-    hung, reference, wind = config.reality.hung, config.reference, config.reality.wind
+    hung = config.reality.hung
+    reference = config.reference
+    wind = config.reality.wind
     carried = (
         f"{hung.mass * 1e3:.4g} g on {hung.length:.3g} m of {hung.tether}"
         if hung.tether != "none"

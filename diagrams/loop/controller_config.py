@@ -37,9 +37,8 @@ class ControllerConfig:
     parameters: dict[str, float] = dc.field(default_factory=dict)  # of one's own, by name
     vehicle: Vehicle | None = None  # that controller and estimator assume; None: the one that flies
     extra_mass: float = number(0.0, "kg", 0)  # that they add to its mass
-    predictor: str = (
-        ""  # model file of a learned kind; np, payload_filter: empty for the packaged one
-    )
+    # model file of a learned kind; np, payload_filter: empty for the packaged one
+    predictor: str = ""
     # between solves, and between samples of the predictor
     period: float = number(0.02, "s", SHORTEST_PERIOD)
     command_delay: float = 0.0  # of commands before the rotors' lag; 0: as trained [s]

@@ -87,7 +87,8 @@ def add_controller(
         )
     if config.kind == "cascade":
         return _add_cascade(builder, believed, reference, rig, period=config.period)
-    period, rates = config.period, config.mpc.command == "rates"
+    period = config.period
+    rates = config.mpc.command == "rates"
     model = model or make_residual_model(config, believed)
     label = model.label if isinstance(model, ReadsLabels) else config.label
     source, estimator = _add_source_and_estimator(
@@ -165,9 +166,11 @@ def _delay_filter(
     the model); whoever has learned one follows it.
     """
     own = getattr(model, "delay", None)
-    known, track = config.command_delay, config.track_delay or own is not None
+    known = config.command_delay
+    track = config.track_delay or own is not None
     if config.kind == "oracle" and model is None:
-        known, track = truth.delay if truth is not None else 0.0, False
+        known = truth.delay if truth is not None else 0.0
+        track = False
     elif own is not None:
         known = known or own
     if known == 0.0 and not track:

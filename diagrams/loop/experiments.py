@@ -118,7 +118,8 @@ def with_payload(config: FlightConfig, mass: float) -> FlightConfig:
         0 <= mass < float("inf"),
         f"--payload: must not be negative [kg] and finite; got {mass or 0:g}.",
     )
-    reality, hung = config.reality.check(), config.reality.hung
+    reality = config.reality.check()
+    hung = config.reality.hung
     if mass == 0.0:
         effects = [e for e in reality.effects if not isinstance(e.made, SuspendedPayload)]
         none = dc.replace(reality, payload=PayloadConfig(tether="none"), effects=effects)
@@ -133,5 +134,6 @@ def with_payload(config: FlightConfig, mass: float) -> FlightConfig:
         ]
         return dc.replace(config, reality=dc.replace(reality, effects=effects))
     weight = new.mass / hung.mass
-    new.stiffness, new.damping = hung.stiffness * weight, hung.damping * weight
+    new.stiffness = hung.stiffness * weight
+    new.damping = hung.damping * weight
     return dc.replace(config, reality=dc.replace(reality, payload=new))

@@ -46,22 +46,18 @@ class FlightConfig:
 
     name: str = "circle"  # of the experiment and its files; letters, digits, `_`, `-`, `.`
     duration: float = 50.0  # scored, after the ramp; of a track with an end: until there [s]
-    scaled: bool = (
-        False  # the file's values are those for the paper's vehicle and scale with this one
-    )
+    # the file's values are those for the paper's vehicle and scale with this one
+    scaled: bool = False
     # that flies, and as the controller assumes it where `controller.vehicle` names no other
     vehicle: Vehicle = dc.field(default_factory=Vehicle)
     reality: RealityConfig = dc.field(default_factory=RealityConfig)  # what acts beyond that
     reference: ReferenceConfig = dc.field(default_factory=ReferenceConfig)  # motion to follow
-    controller: ControllerConfig = dc.field(
-        default_factory=ControllerConfig
-    )  # its kind, MPC and timing
-    autopilot: AutopilotConfig = dc.field(
-        default_factory=AutopilotConfig
-    )  # what stands between controller and rotors
-    offboard: OffboardConfig = dc.field(
-        default_factory=OffboardConfig
-    )  # of `np-drake node`; a simulation has none
+    # its kind, MPC and timing
+    controller: ControllerConfig = dc.field(default_factory=ControllerConfig)
+    # what stands between controller and rotors
+    autopilot: AutopilotConfig = dc.field(default_factory=AutopilotConfig)
+    # of `np-drake node`; a simulation has none
+    offboard: OffboardConfig = dc.field(default_factory=OffboardConfig)
     # what happens to the payload in flight
     events: list[PayloadEvent] = dc.field(default_factory=list)
     # Drake's integrator and its step
@@ -99,7 +95,8 @@ class FlightConfig:
             f"FlightConfig: duration must be at most {longest:g} s with the ramp and at a period "
             f"of {self.controller.period:g} s; got {self.end:g}. Fly it in parts.",
         )
-        times, tether = [event.check().time for event in self.events], self.reality.hung.tether
+        times = [event.check().time for event in self.events]
+        tether = self.reality.hung.tether
         require(
             len({*times}) == len(times) and all(t < self.end for t in times),
             f"{self.name}: events must have times of their own within the flight; got {times} [s].",
@@ -115,7 +112,8 @@ class FlightConfig:
             f"({self.lift:.3g} N). "
             "Name a lighter payload, or none, for the default scales with the vehicle.",
         )
-        scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
+        scheme = self.simulator.integration_scheme
+        step = self.simulator.max_step_size
         require(
             scheme in GetIntegrationSchemes() and FINEST_STEP <= step < np.inf,
             f"FlightConfig: simulator must name a scheme of Drake's and a step of at least "
@@ -137,7 +135,8 @@ class FlightConfig:
 
         Raises: ValueError: where it is not.
         """
-        hung, t = self.reality.hung, self.reality.hangs_at
+        hung = self.reality.hung
+        t = self.reality.hangs_at
         height = float(self.motion.sample(np.array([t]))[0, 0, 2])
         require(
             hung.tether == "none" or hung.reach <= height,
@@ -149,7 +148,8 @@ class FlightConfig:
 
     def _check_controller(self) -> None:
         """Check that the controller commands what flies, and that an oracle can know it."""
-        command, kind = self.controller.mpc.command, self.controller.kind
+        command = self.controller.mpc.command
+        kind = self.controller.kind
         rates = command == "rates"
         require(
             rates == self.autopilot.flies,
@@ -165,7 +165,8 @@ class FlightConfig:
             f"{self.name}: vehicle {self.vehicle.name!r} must have a rate_loop for an autopilot; "
             "it has none.",
         )
-        oracle, longest = kind == "oracle", LONGEST_DELAY * self.controller.period
+        oracle = kind == "oracle"
+        longest = LONGEST_DELAY * self.controller.period
         payload = self.reality.payload
         require(
             not oracle or (payload.tether != "rod" and not payload.rope_mass),
@@ -199,14 +200,17 @@ class FlightConfig:
 
     def _check_track(self) -> None:
         """Check the motion against ground, arena, the controller's bounds and the rotors."""
-        vehicle, mpc = self.vehicle.with_mass(self.carried_mass), self.controller.mpc
+        vehicle = self.vehicle.with_mass(self.carried_mass)
+        mpc = self.controller.mpc
         t = np.linspace(0.0, self.end, min(int(self.end * RATE) + 2, MOST_INSTANTS))
         flat = self.motion.sample(t)
         force = flat[2] + [0.0, 0.0, vehicle.gravity]
         upright = force[:, 2] / np.maximum(np.linalg.norm(force, axis=1), 1e-9)
         thrust = targets(vehicle, flat, np.zeros((len(t), 6)))[1] @ vehicle.unmixer.T
         rotors = thrust / self.reality.thrust_at(self.vehicle, self.end)
-        most, speed, tilt = vehicle.max_rotor_thrust, mpc.max_speed, mpc.max_tilt
+        most = vehicle.max_rotor_thrust
+        speed = mpc.max_speed
+        tilt = mpc.max_tilt
         own = self.reference.is_file
         size = np.linalg.norm(flat[2], axis=1)
         slower = "Take a lower speed, or more time between the rows." if own else WIDER
@@ -287,7 +291,8 @@ class FlightConfig:
         cable pulls across the hook's lever, by turning:
         1 / reduced = 1 / m_P + 1 / m + |p_BoTo_B|² / J.
         """
-        payload, rates = self.reality.hung.check(), [1e-3]
+        payload = self.reality.hung.check()
+        rates = [1e-3]
         if payload.tether == "cable":
             turning = np.sum(np.square(payload.hook)) / np.linalg.eigvalsh(self.vehicle.J)[0]
             mass, stiffness, damping = payload.fastest
@@ -300,7 +305,8 @@ class FlightConfig:
 
     def true_model(self) -> TrueModel:
         """Return the model of the real vehicle for the oracle, which knows the events too."""
-        reality, payload = self.reality, self.reality.hung
+        reality = self.reality
+        payload = self.reality.hung
         x, y, z = payload.hook
         bob = Payload(payload.mass, payload.length, (x, y, z), payload.air_damping)
         hung = None if payload.tether == "none" else bob
@@ -322,7 +328,8 @@ class FlightConfig:
 
     def _payloads(self, first: Payload | None) -> list[tuple[float, Payload | None]]:
         """Return (time [s], payload from then on) of every event."""
-        changes, payload = [], first
+        changes = []
+        payload = first
         for event in sorted(self.events, key=lambda event: event.time):
             if payload is not None and event.kind == "attach":
                 payload = dc.replace(payload, mass=payload.mass + event.mass)
@@ -335,7 +342,8 @@ class FlightConfig:
         """Return a checked copy whose fixed step of the simulator is within `largest_step`; one
         that makes the flight slow is said.
         """
-        simulator, largest = copy.copy(self.simulator), 0.95 * self.largest_step
+        simulator = copy.copy(self.simulator)
+        largest = 0.95 * self.largest_step
         if largest < SLOW * simulator.max_step_size:
             logger.warning(
                 "%s: simulator.max_step_size becomes %.2g s for this cable and these motors, in "

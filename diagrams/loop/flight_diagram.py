@@ -27,7 +27,9 @@ from systems.betaflight import BetaflightAutopilot
 from systems.plant import set_hover
 from systems.rate_loop import RateLoopAutopilot
 
-RECORDER, AUTOPILOT = "recorder", "autopilot"  # names as subsystems of a flight
+# names as subsystems of a flight
+RECORDER = "recorder"
+AUTOPILOT = "autopilot"
 
 
 def make_flight_diagram(config: FlightConfig, *, controller: Factory | None = None) -> Diagram:
@@ -86,7 +88,8 @@ def _add_autopilot(
         real: the vehicle that flies, whose true motion the autopilot's sensors see.
     Raises: ValueError: where the firmware is missing or refuses its settings.
     """
-    vehicle, names = config.vehicle, ["x"]
+    vehicle = config.vehicle
+    names = ["x"]
     system: LeafSystem
     if config.autopilot.kind == "rate_loop":
         system = RateLoopAutopilot(vehicle)

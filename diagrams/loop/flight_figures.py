@@ -11,9 +11,8 @@ from np_drake.files.figure_file import DASHES, PALETTE, Axes, Figure, new_figure
 
 FlightResult = Any  # of diagrams.loop.flight_result, which draws these figures itself
 LEAST_EXTENT = 0.05  # of a track that is no hover [m]; half the window about a hover
-LEAST_HEIGHT = (
-    0.05  # half the height that is shown at least, so that noise does not fill the panel [m]
-)
+# half the height that is shown at least, so that noise does not fill the panel [m]
+LEAST_HEIGHT = 0.05
 _AXES = ("x", "y", "z")
 _REFERENCE: dict[str, Any] = {"color": "0.3", "linestyle": ":", "linewidth": 1.5}
 _WAYPOINTS: dict[str, Any] = {
@@ -72,7 +71,8 @@ def _legend(figure: Figure, ax: Axes, columns: int = 4) -> Figure:
 def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
     """Draw the last lap from above, with waypoints."""
     first = flights[0]
-    ref, points = first.signals["p_ref"][first.last_lap], first.config.reference.waypoints
+    ref = first.signals["p_ref"][first.last_lap]
+    points = first.config.reference.waypoints
     drawn = "last lap" if len(ref) < np.sum(first.scored) else "as scored"
     ax.plot(ref[:, 0], ref[:, 1], **_REFERENCE, label="reference")
     # a window about a hover, so that its noise does not look like a track
@@ -90,8 +90,10 @@ def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
 
 def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
     """Draw the height against time, and the heights of waypoints."""
-    first, points = flights[0], flights[0].config.reference.waypoints
-    t, ref = first.signals["t"][first.last_lap], first.signals["p_ref"][first.last_lap]
+    first = flights[0]
+    points = flights[0].config.reference.waypoints
+    t = first.signals["t"][first.last_lap]
+    ref = first.signals["p_ref"][first.last_lap]
     ax.plot(t, ref[:, 2], **_REFERENCE)
     if points is not None:
         near = [int(np.argmin(np.linalg.norm(ref - point, axis=1))) for point in points]
@@ -100,7 +102,8 @@ def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
         own = flight.last_lap
         ax.plot(flight.signals["t"][own], flight.flown[own, 2], **_line(k), linewidth=1.5)
     low, high = ax.get_ylim()
-    middle, half = 0.5 * (low + high), max(0.5 * (high - low), LEAST_HEIGHT)
+    middle = 0.5 * (low + high)
+    half = max(0.5 * (high - low), LEAST_HEIGHT)
     _against_time(ax, "height z [m]", ylim=(middle - half, middle + half), xlabel="time [s]")
 
 

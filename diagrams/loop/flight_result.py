@@ -74,7 +74,8 @@ class FlightResult:
         (`px_true` …) and residual wrench (`fx_true` …).
         Raises: ImportError: where pandas is not installed.
         """
-        s, columns = self.signals, dict(self._rows().columns())
+        s = self.signals
+        columns = dict(self._rows().columns())
         state = [name for field in ("p", "q", "v", "w") for name in COLUMNS[field]]
         for end, names, values in (
             ("ref", COLUMNS["p"], s["p_ref"]),
@@ -117,14 +118,16 @@ class FlightResult:
 
     def log(self) -> FlightLog:
         """Return what the vehicle itself recorded (docs/reference/flight-log.md)."""
-        log, config = self._rows(), self.config
+        log = self._rows()
+        config = self.config
         shift = config.reality.clock_shift + config.vehicle.calibration.clock_offset
         return shift_state(log, shift) if shift else log
 
     def _rows(self) -> FlightLog:
         """Return the log by the clock of the commands."""
         s = self.signals
-        x, a = s["x"], s["acceleration"]
+        x = s["x"]
+        a = s["acceleration"]
         return FlightLog(
             t=s["t"],
             p=x[:, 0:3],
@@ -166,7 +169,8 @@ class FlightResult:
         vehicle file's lag, as in the labels [N, N·m].
         """
         s = self.signals
-        x, a = s["x_true"], s["acceleration_true"]
+        x = s["x_true"]
+        a = s["acceleration_true"]
         believed = self.config.controller.believed(self.config.vehicle)
         u = acting_command(delayed(self._rows(), self.delay), believed)
         return rigid_body.residual_wrench(
@@ -203,12 +207,14 @@ class FlightResult:
     @cached_property
     def payload_position(self) -> np.ndarray | None:
         """Position of the payload in W, (n, 3) [m]; None without one."""
-        s, hung = self.signals["plant_state"], self.config.reality.hung
+        s = self.signals["plant_state"]
+        hung = self.config.reality.hung
         if s.shape[1] == 26:  # on a cable: a free body
             return s[:, 11:14]
         if s.shape[1] != 17:
             return None
-        (sin_x, sin_y), (cos_x, cos_y) = np.sin(s[:, 7:9].T), np.cos(s[:, 7:9].T)
+        sin_x, sin_y = np.sin(s[:, 7:9].T)
+        cos_x, cos_y = np.cos(s[:, 7:9].T)
         down = np.stack([-sin_y, sin_x * cos_y, -cos_x * cos_y], axis=1)  # along the rod, in B
         return s[:, 4:7] + attitude.rotate(s[:, :4], hung.hook + hung.length * down)
 
@@ -219,7 +225,8 @@ class FlightResult:
         """
         if self.payload_position is None:
             return None
-        t, reality = self.signals["t"], self.config.reality
+        t = self.signals["t"]
+        reality = self.config.reality
         cut = min((e.time for e in self.config.events if e.kind == "release"), default=np.inf)
         depth = GROUND + reality.hung.radius - self.payload_position[:, 2]
         rows = np.flatnonzero((depth > 0) & (t > reality.hangs_at) & (t < cut))
@@ -242,7 +249,9 @@ class FlightResult:
         """Return a sentence on the waypoints that the flight did not pass, and one on a payload
         below the ground; none where all is well.
         """
-        said, distances, within = [], self.waypoint_distances, self.config.reference.within
+        said = []
+        distances = self.waypoint_distances
+        within = self.config.reference.within
         if below := self.below_ground:
             said.append(
                 f"the payload of the flight with {self.label} is below the ground from "
@@ -260,7 +269,8 @@ class FlightResult:
 
     def metrics(self) -> dict:
         """Return the metrics of the scored part, as `--json` writes them."""
-        s, rows = self.signals, self.scored
+        s = self.signals
+        rows = self.scored
         status = s["status"][rows, 0]
         result = {
             **metrics.tracking_errors(self.flown[rows], s["p_ref"][rows]),
@@ -333,8 +343,10 @@ def _advance(
     real_time: bool,
 ) -> dict[str, np.ndarray]:
     """Fly to the end, and return the recorded signals; arguments as of `fly`."""
-    context, who = simulator.get_mutable_context(), config.controller.name
-    vehicle, reference = diagram.GetSubsystemByName(REAL_VEHICLE), config.motion
+    context = simulator.get_mutable_context()
+    who = config.controller.name
+    vehicle = diagram.GetSubsystemByName(REAL_VEHICLE)
+    reference = config.motion
     own = is_own(config.controller.kind)
 
     def lost(why: str) -> LostVehicle:

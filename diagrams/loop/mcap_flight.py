@@ -15,9 +15,15 @@ from np_drake.files.file_access import atomic_path, plain
 from np_drake.logs.errors import optional_package
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)  # quaternion of no rotation
-WORLD, VEHICLE, PAYLOAD = "world", "quadrotor", "payload"  # frames
+# frames
+WORLD = "world"
+VEHICLE = "quadrotor"
+PAYLOAD = "payload"
 PATH_RATE = 10.0  # of the points of the reference path [Hz]
-DARK, RED, BLUE, GREY = (0.2, 0.2, 0.22), (0.84, 0.37, 0.0), (0.0, 0.45, 0.7), (0.6, 0.6, 0.6)
+DARK = (0.2, 0.2, 0.22)
+RED = (0.84, 0.37, 0.0)
+BLUE = (0.0, 0.45, 0.7)
+GREY = (0.6, 0.6, 0.6)
 XYZ = ("x", "y", "z")
 INPUT = ("thrust", "tau_x", "tau_y", "tau_z")
 WRENCH = ("f_x", "f_y", "f_z", "tau_x", "tau_y", "tau_z")
@@ -47,7 +53,8 @@ def write_flight_mcap(flight: FlightResult, path: str | Path) -> None:
     require_mcap(path)
     import foxglove
 
-    context, channels = foxglove.Context(), dict[str, Any]()
+    context = foxglove.Context()
+    channels = dict[str, Any]()
     with (
         atomic_path(path) as temporary,
         foxglove.open_mcap(temporary, context=context, allow_overwrite=True),
@@ -73,8 +80,11 @@ def _schema(topic: str, content: dict[str, float]) -> dict[str, Any]:
 
 def _messages(flight: FlightResult) -> Iterator[tuple[str, int, Any]]:
     """Yield topic, time [ns] and content: numbers by name, or a message of Foxglove's."""
-    s, every = flight.signals, max(1, round(1 / PATH_RATE / flight.config.controller.period))
-    x, p_WP, numbers = s["x_true"], flight.payload_position, _signals(flight)
+    s = flight.signals
+    every = max(1, round(1 / PATH_RATE / flight.config.controller.period))
+    x = s["x_true"]
+    p_WP = flight.payload_position
+    numbers = _signals(flight)
     hook = np.array(flight.config.reality.payload.hook)
     hooks = x[:, :3] + attitude.rotation_matrix(x[:, 3:7]) @ hook
     for k, when in enumerate(np.round(1e9 * s["t"]).astype(np.int64).tolist()):
@@ -99,7 +109,8 @@ def _messages(flight: FlightResult) -> Iterator[tuple[str, int, Any]]:
 
 def _signals(flight: FlightResult) -> list[tuple[str, Sequence[str], np.ndarray]]:
     """Return topic, names and values (n, len(names)) of all that is plotted and there."""
-    s, error = flight.signals, flight.flown - flight.signals["p_ref"]
+    s = flight.signals
+    error = flight.flown - flight.signals["p_ref"]
     known = (
         ("/velocity", XYZ, s["x_true"][:, 7:10]),
         ("/body_rate", XYZ, s["x_true"][:, 10:13]),
@@ -118,11 +129,9 @@ def _signals(flight: FlightResult) -> list[tuple[str, Sequence[str], np.ndarray]
 
 def _bodies(flight: FlightResult, track: np.ndarray) -> list[Any]:
     """Return vehicle, payload and the line of the reference, `track` (n, 3) [m]."""
-    vehicle, middle, width = (
-        flight.config.vehicle,
-        np.zeros(3),
-        2 * flight.config.vehicle.rotor_radius,
-    )
+    vehicle = flight.config.vehicle
+    middle = np.zeros(3)
+    width = 2 * flight.config.vehicle.rotor_radius
     arm = float(np.mean(np.linalg.norm(vehicle.rotor_positions, axis=1)))
     body = _fox().CubePrimitive(**_solid(middle, (0.6 * arm, 0.6 * arm, 0.3 * arm), DARK))
     rotors = [

@@ -19,13 +19,8 @@ from diagrams.batch.run import one_line, require
 # `reference` (the motion to follow) and `period` [s] that it names, and with its own parameters.
 Factory = Callable[..., System]
 
-INPUTS = {
-    "x": 13,
-    "acceleration": 6,
-    "rotor_speed": 4,
-    "label": 6,
-    "flat": 15,
-}  # that it may have, and their sizes
+# that it may have, and their sizes
+INPUTS = {"x": 13, "acceleration": 6, "rotor_speed": 4, "label": 6, "flat": 15}
 # That it may have: the command, or that of an autopilot, must be there; the others are recorded.
 OUTPUTS = {"u": 4, "rates_thrust": 4, "chi_hat": 6, "status": 1, "solve_time": 1}
 COMMANDS = {

@@ -49,12 +49,10 @@ class RealityConfig:
     # Act besides all of these, each from its onset on; a suspended payload here needs `payload:
     # {tether: none}`.
     effects: list[EffectEntry] = dc.field(default_factory=list)
-    disturbance: DisturbanceConfig = dc.field(
-        default_factory=DisturbanceConfig
-    )  # random, none unless named
-    posterior: Posterior = dc.field(
-        default_factory=Posterior
-    )  # joint, of the parameters of `effects`
+    # random, none unless named
+    disturbance: DisturbanceConfig = dc.field(default_factory=DisturbanceConfig)
+    # joint, of the parameters of `effects`
+    posterior: Posterior = dc.field(default_factory=Posterior)
 
     def check(self) -> "RealityConfig":
         """Return self after checking all values.
@@ -174,7 +172,8 @@ class RealityConfig:
 
     def everything(self) -> list[Effect | MeasurementEffect]:
         """Return all effects, a payload among them; the noise of sensors is none."""
-        payload, hung = self._payload_effect, self.hung
+        payload = self._payload_effect
+        hung = self.hung
         if payload is None and hung.tether != "none":
             payload = library.SuspendedPayload(*hung.pendulum, *hung.hook, hung.air_damping)
         found: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]

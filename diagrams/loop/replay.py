@@ -29,13 +29,14 @@ from np_drake.rigid_body import P, Q
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import scales
 
-DARK, GREY = Rgba(0.45, 0.47, 0.5), Rgba(0.6, 0.6, 0.6)  # seen on a light and a dark ground
-BLUE, RED, GREEN, PINK = (  # Okabe and Ito's, for colour-blind readers
-    Rgba(0, 0.45, 0.7),
-    Rgba(0.84, 0.37, 0),
-    Rgba(0, 0.62, 0.45),
-    Rgba(0.8, 0.47, 0.65),
-)
+# seen on a light and a dark ground
+DARK = Rgba(0.45, 0.47, 0.5)
+GREY = Rgba(0.6, 0.6, 0.6)
+# Okabe and Ito's, for colour-blind readers
+BLUE = Rgba(0, 0.45, 0.7)
+RED = Rgba(0.84, 0.37, 0)
+GREEN = Rgba(0, 0.62, 0.45)
+PINK = Rgba(0.8, 0.47, 0.65)
 FROM = np.array([0.3, -0.85, 0.4])  # direction from what is seen to the camera [1]
 NEAR = 8.0  # from a vehicle that is followed to the camera, over its arm; own choice [1]
 SIDES = 4  # of the tube that is a trail
@@ -135,7 +136,8 @@ def add_trail(meshcat: Meshcat, path: str, points: np.ndarray, radius: float, co
     ring = np.cos(angle)[:, None] * across[:, None] + np.sin(angle)[:, None] * up[:, None]
     vertices = (points[:, None] + radius * ring).reshape(-1, 3)
     side = np.arange(SIDES)
-    a, b = side, (side + 1) % SIDES
+    a = side
+    b = (side + 1) % SIDES
     quad = np.concatenate([[a, b, a + SIDES], [b, b + SIDES, a + SIDES]], axis=1).T  # (2 sides, 3)
     faces = (quad[None] + SIDES * np.arange(len(points) - 1)[:, None, None]).reshape(-1, 3)
     meshcat.SetTriangleMesh(path, vertices.T, faces.astype(np.int32).T, color)
@@ -180,7 +182,8 @@ def flight_scene(config: FlightConfig, track: np.ndarray, *, force: str, payload
     Args:
         track: (n, 3) points of the reference in W [m].
     """
-    meshcat, size = new_scene(), scales(config.vehicle).length
+    meshcat = new_scene()
+    size = scales(config.vehicle).length
     add_quadrotor(meshcat, config.vehicle)
     add_arrow(meshcat, "thrust", 0.04 * size, DARK)
     add_arrow(meshcat, force, 0.07 * size, PINK)
@@ -197,7 +200,8 @@ def set_camera(meshcat: Meshcat, track: np.ndarray, size: float) -> float:
         track: (n, 3) in W [m].
         size: of the vehicle [m].
     """
-    low, high = track.min(axis=0), track.max(axis=0)
+    low = track.min(axis=0)
+    high = track.max(axis=0)
     away = 0.75 * float(np.linalg.norm(high - low)) + 4 * size
     target = 0.5 * (low + high) - [0, 0, size]
     meshcat.SetCameraPose(target + away * FROM, target)
@@ -314,9 +318,14 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     force, errors.
     Raises: OSError: if it cannot be written.
     """
-    film, s, config, hung = Film(), flight.signals, flight.config, flight.payload_position
-    rows, size = frames(s["t"]), scales(config.vehicle).length
-    x, reality = s["x_true"], config.reality
+    film = Film()
+    s = flight.signals
+    config = flight.config
+    hung = flight.payload_position
+    rows = frames(s["t"])
+    size = scales(config.vehicle).length
+    x = s["x_true"]
+    reality = config.reality
     meshcat = flight_scene(
         config, s["p_ref"][flight.scored], force="force", payload=hung is not None
     )
@@ -336,7 +345,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
         film.bar(frame, "thrust", *bar_pose(x[k, :3], thrust[k]))
         film.bar(frame, "force", *bar_pose(x[k, :3], force[k]))
         if hung is not None:
-            hangs, cut = s["t"][k] >= reality.hangs_at, any(s["t"][k] >= t for t in released)
+            hangs = s["t"][k] >= reality.hangs_at
+            cut = any(s["t"][k] >= t for t in released)
             film.payload(frame, x[k], np.array(reality.hung.hook), hung[k])
             film.SetProperty(frame, "payload", "visible", bool(hangs))
             film.SetProperty(frame, "tether", "visible", bool(hangs and not cut))
@@ -368,7 +378,8 @@ def _arrows(flight: FlightResult) -> tuple[np.ndarray, np.ndarray, float]:
     """Return thrust and estimated force as arrows (n, 3) in W [m], and by how much longer the force
     is drawn [1].
     """
-    s, vehicle = flight.signals, flight.config.vehicle
+    s = flight.signals
+    vehicle = flight.config.vehicle
     scale = _THRUST * scales(vehicle).length / (vehicle.mass * vehicle.gravity)  # [m/N]
     thrust = s["rotor_thrust"].sum(axis=1, keepdims=True) * attitude.body_z(s["x_true"][:, 3:7])
     chi = next(

@@ -13,8 +13,12 @@ from np_drake.vehicle.scaling import Scales, payload_ratio, ratios
 # Powers of length, mass, time and sampling period in the unit of each field. Angles, shares, seeds,
 # names and the noise of sensors have none: a sensor does not shrink with the vehicle that carries
 # it.
-LENGTH, TIME, RATE, SPEED = (1, 0, 0, 0), (0, 0, 1, 0), (0, 0, -1, 0), (1, 0, -1, 0)
-CLOCK, PER_CLOCK = (0, 0, 0, 1), (0, 0, 0, -1)
+LENGTH = (1, 0, 0, 0)
+TIME = (0, 0, 1, 0)
+RATE = (0, 0, -1, 0)
+SPEED = (1, 0, -1, 0)
+CLOCK = (0, 0, 0, 1)
+PER_CLOCK = (0, 0, 0, -1)
 FLIGHT: dict[str, Any] = {
     "duration": TIME,
     "reality": {
@@ -100,7 +104,8 @@ def _times(part: Any, powers: dict[str, Any], unit: Scales) -> Any:
     """Return a copy of a dataclass, each field of `powers` multiplied by these powers of the units,
     and the fields of the dataclasses in it likewise.
     """
-    units, changed = (unit.length, unit.mass, unit.time, unit.clock), {}
+    units = (unit.length, unit.mass, unit.time, unit.clock)
+    changed = {}
     for name, power in powers.items():
         value = getattr(part, name)
         if isinstance(power, dict):

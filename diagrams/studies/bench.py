@@ -162,9 +162,11 @@ def suite(
     """Run the whole benchmark on recorded flights, and return the reports of the solvers by the
     name of the problems, and of the predictions.
     """
-    reports, predictions = {}, []
+    reports = {}
+    predictions = []
     for done, (name, (config, problems, signals)) in enumerate(flown.items(), start=1):
-        vehicle, control = config.vehicle, config.controller
+        vehicle = config.vehicle
+        control = config.controller
         patient = SqpSolver(vehicle, control.mpc, steps=30, max_steps=30, time_limit=1.0)
         solvers = make_solvers(vehicle, control.mpc)
         how = {"step": control.mpc.step, "period": control.period}
@@ -178,12 +180,14 @@ def suite(
 
 def prediction_times(config: FlightConfig, signals: dict[str, np.ndarray]) -> np.ndarray:
     """Return the time of label, update and forecast in every period of a flight (n,) [s]."""
-    control, times = config.controller, []
+    control = config.controller
+    times = []
     believed = control.believed(config.vehicle)
     model = make_residual_model(control, believed)
     assert model is not None
     labels = LabelFilter(labelled(believed, model), control.label, step=control.period)
-    kept, memory = labels.initial_memory(), model.initial_memory()
+    kept = labels.initial_memory()
+    memory = model.initial_memory()
     for x, acceleration, u in zip(
         signals["x"][1:], signals["acceleration"][1:], signals["u"], strict=False
     ):
@@ -212,7 +216,8 @@ def record_problems(
     config.controller.mpc.horizon = horizon or config.controller.mpc.horizon
     simulator = make_simulator(make_flight_diagram(config), config, seed=seed)
     controller = simulator.get_system().GetSubsystemByName("np_mpc").controller
-    problems, solve = list[MpcProblem](), controller.solver.solve
+    problems = list[MpcProblem]()
+    solve = controller.solver.solve
 
     def recording(problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
         problems.append(problem)
@@ -286,7 +291,8 @@ class AcadosSolver:
         require(
             vehicle.rotor_time_constant == 0, f"{self.name}: the peer knows no lag of the rotors."
         )
-        self._template, self._steps = _acados_template(), steps
+        self._template = _acados_template()
+        self._steps = steps
         require(
             shutil.which("gcc") and shutil.which("make"),
             "AcadosSolver: gcc and make must be on the PATH.",
@@ -314,7 +320,8 @@ class AcadosSolver:
             program.constraints_set(0, "lh", np.array([-_FAR]))  # the first state is measured
             self._programs[len(f.z)] = program
         _hand_over(program, h, t, f)
-        steps, spent = max(self._steps, _COLD_STEPS) if cold else self._steps, 0.0
+        steps = max(self._steps, _COLD_STEPS) if cold else self._steps
+        spent = 0.0
         for _ in range(steps):
             if status := program.solve():
                 raise SolverFailure(f"MPC: acados: status {status} of the QP.")
@@ -346,7 +353,9 @@ def _acados_template() -> Any:
 
 def _hand_over(program: Any, h: Horizon, t: Trajectory, f: WrenchForecast) -> None:
     """Give a program the data of the problem and its initial trajectory."""
-    x, n, dims = np.hstack([t.x, _lifted(f, t.x)]), len(t.T), program.acados_ocp.dims
+    x = np.hstack([t.x, _lifted(f, t.x)])
+    n = len(t.T)
+    dims = program.acados_ocp.dims
     y_ref = np.pad(np.hstack([h.x_ref[:-1], h.u_ref]), ((0, 0), (0, dims.ny - 17)))
     program.reset()  # slacks and multipliers of the last solve
     program.set(n, "x", x[n])
@@ -366,25 +375,33 @@ def make_ocp(template: Any, vehicle: Vehicle, config: MpcConfig, K: int) -> Any:
     """Return the `AcadosOcp` of the problem; `template` is the module `acados_template`."""
     import casadi as ca
 
-    ocp, N = template.AcadosOcp(), config.horizon
-    size, count = 13 + K, max(K * K + 12 * K + 6, 182)
-    state, T, p = ca.SX.sym("state", size), ca.SX.sym("T", 4), ca.SX.sym("p", count)
-    ends, b = K * K + 12 * K, K * K + 6 * K
-    A, B, C = (
-        ca.reshape(p[: K * K], K, K),
-        ca.reshape(p[K * K : b], K, 6),
-        ca.reshape(p[b:ends], 6, K),
-    )
+    ocp = template.AcadosOcp()
+    N = config.horizon
+    size = 13 + K
+    count = max(K * K + 12 * K + 6, 182)
+    state = ca.SX.sym("state", size)
+    T = ca.SX.sym("T", 4)
+    p = ca.SX.sym("p", count)
+    ends = K * K + 12 * K
+    b = K * K + 6 * K
+    A = ca.reshape(p[: K * K], K, K)
+    B = ca.reshape(p[K * K : b], K, 6)
+    C = ca.reshape(p[b:ends], 6, K)
     forecast = A, B, C, p[ends : ends + 6]
-    x, z, u = state[:13], state[13:], ca.DM(vehicle.mixer) @ T
+    x = state[:13]
+    z = state[13:]
+    u = ca.DM(vehicle.mixer) @ T
     x_next, z_next, chi = _stage(ca, vehicle, config.step, x, z, u, forecast)
-    e, P = x - p[169:182], ca.reshape(p[:169], 13, 13)
+    e = x - p[169:182]
+    P = ca.reshape(p[:169], 13, 13)
     far = ca.sqrt(ca.bilin(P, e, e) / P[0, 0] + Objective(config).softening)
     swing = [config.weight_swing] * 2 if config.weight_swing > 0 else []
     y = ca.vertcat(x, u, *([chi[:2]] if swing else []))  # half its squares and those of x_N cost
-    W, y_ref = 2 * np.diag([*config.Q, *config.R, *swing]), np.zeros(17 + len(swing))
+    W = 2 * np.diag([*config.Q, *config.R, *swing])
+    y_ref = np.zeros(17 + len(swing))
     upright = x[3] ** 2 - x[4] ** 2 - x[5] ** 2 + x[6] ** 2  # the cosine of the tilt
-    speed, cosine = np.full(3, config.max_speed), np.cos(config.max_tilt)
+    speed = np.full(3, config.max_speed)
+    cosine = np.cos(config.max_tilt)
     _fill(
         ocp.model,
         **{"name": f"np_drake_{K}_{id(ocp)}", "x": state, "u": T, "p": p},
@@ -415,7 +432,8 @@ def make_ocp(template: Any, vehicle: Vehicle, config: MpcConfig, K: int) -> Any:
         _fill(ocp.constraints, **{name + end: value for name, value in (bounds | indices).items()})
         for side in ("l" + end, "u" + end):
             _fill(ocp.cost, **{f"z{side}": price, f"Z{side}": 2 * QUADRATIC * price})
-    ocp.parameter_values, ocp.dims.N = np.zeros(count), N
+    ocp.parameter_values = np.zeros(count)
+    ocp.dims.N = N
     # Ten stages are condensed into one: the fastest of our settings.
     _fill(ocp.solver_options, tf=float(N), qp_solver_cond_N=max(N // 10, 1), **_OPTIONS)
     return ocp
@@ -441,12 +459,15 @@ def _stage(ca: Any, vehicle: Vehicle, h: float, x, z, u, forecast):
 def _derivative(ca: Any, vehicle: Vehicle, state, u, chi):
     """Return eq. (1) in CasADi's symbols."""
     w, x, y, z = (state[3 + i] for i in range(4))
-    v, rate = state[7:10], state[10:13]
+    v = state[7:10]
+    rate = state[10:13]
     axis = ca.vertcat(2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z)
     J = ca.DM(vehicle.J)
     dv = (u[0] * axis + chi[0:3]) / vehicle.mass - ca.DM([0.0, 0.0, vehicle.gravity])
     dw = ca.DM(np.linalg.inv(vehicle.J)) @ (u[1:4] + chi[3:6] - ca.cross(rate, J @ rate))
-    a, b, c = rate[0], rate[1], rate[2]
+    a = rate[0]
+    b = rate[1]
+    c = rate[2]
     dq = 0.5 * ca.vertcat(
         -x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a
     )

@@ -34,7 +34,9 @@ from np_drake.vehicle import Vehicle
 PEER = "payload_filter"  # row beside which the others are shown
 ROWS = tuple(named(tracking.ROWS, name) for name in ("np", PEER, "hold"))
 SETTLED = 3.0  # after the ramp, before errors count [s]
-BEFORE, AFTER = (-1.0, -0.05), (1.5, 2.5)  # the levels of f_z are means over these [s]
+# the levels of f_z are means over these [s]
+BEFORE = (-1.0, -0.05)
+AFTER = (1.5, 2.5)
 WATCHED = 3.0  # after an event, in which the error's peak is looked for [s]
 KNOWN = 0.9  # share of the change of f_z that counts as known [1]
 SOON = 0.2  # within which a change ought to be known [s]
@@ -52,7 +54,8 @@ def flown(case: Case, row: Row, model: str, *, envelope: Envelope, solver: str) 
         kind, config = drawn_flight(case["draw"], envelope, seed=case["seed"], vehicle=Vehicle())
     except ValueError as error:
         return {"kind": "", "lost": str(error)}
-    config.controller.kind, config.controller.solver = row.kind, solver
+    config.controller.kind = row.kind
+    config.controller.solver = solver
     config.controller.predictor = model
     try:
         s = fly(config.check(), seed=case["draw"]).signals
@@ -88,7 +91,9 @@ def _report(
     said: str,
 ) -> Report:
     """Fly the draws with each row, and return the table that is made of their lines."""
-    seed, solver, draws = flights.seed, flights.solver, flights.count
+    seed = flights.seed
+    solver = flights.solver
+    draws = flights.count
     rows = choose_rows(ROWS, only, always=("np", PEER))
     settings = {
         "solver": solver,

@@ -39,19 +39,22 @@ ADDED = (0.03, 0.2)  # mass hung on in flight [kg]
 HAPPENS = (0.4, 0.7)  # when something does, of the duration [1]
 # Of the simulator, or less where a short cable with a light payload is stiffer [s].
 CABLE_STEP = 0.0015
-TRACKS, HOW_OFTEN = ("circle", "lemniscate", "hover"), (0.6, 0.3, 0.1)
+TRACKS = ("circle", "lemniscate", "hover")
+HOW_OFTEN = (0.6, 0.3, 0.1)
 EVENTS = ("attach", "release")
 Draw = Callable[[np.random.Generator, RealityConfig], None]
 
 
 def _rope(rng: np.random.Generator, reality: RealityConfig) -> None:
     payload = reality.payload
-    payload.rope_mass, payload.segments = payload.mass * float(rng.uniform(0.1, 0.5)), 3
+    payload.rope_mass = payload.mass * float(rng.uniform(0.1, 0.5))
+    payload.segments = 3
 
 
 def _two_payloads(rng: np.random.Generator, reality: RealityConfig) -> None:
     payload = reality.payload  # a single point mass of a rope hangs halfway
-    payload.rope_mass, payload.segments = payload.mass * float(rng.uniform(0.3, 1.0)), 1
+    payload.rope_mass = payload.mass * float(rng.uniform(0.3, 1.0))
+    payload.segments = 1
     payload.mass *= 0.7
 
 
@@ -66,7 +69,8 @@ def _spring(rng: np.random.Generator, reality: RealityConfig) -> None:
 
 def _gusts(rng: np.random.Generator, reality: RealityConfig) -> None:
     reality.wind = [*(3.0 * rng.standard_normal(2)).tolist(), 0.0]
-    reality.gust, reality.gust_seed = float(rng.uniform(0.5, 2.0)), int(rng.integers(2**31))
+    reality.gust = float(rng.uniform(0.5, 2.0))
+    reality.gust_seed = int(rng.integers(2**31))
 
 
 def _displaced_mass(rng: np.random.Generator, reality: RealityConfig) -> None:
@@ -114,7 +118,8 @@ def drawn_flight(
         reference = dc.replace(reference, speed=speed, ramp=ramp)
     if track == "circle":
         reference = dc.replace(reference, radius=radius)
-    kind, happens = str(rng.choice(envelope.kinds)), rng.random() < envelope.happening
+    kind = str(rng.choice(envelope.kinds))
+    happens = rng.random() < envelope.happening
     payload = PayloadConfig(
         mass=float(rng.uniform(*MASS)), length=math.exp(rng.uniform(*np.log(LENGTH)))
     )

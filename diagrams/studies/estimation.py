@@ -85,7 +85,8 @@ def forecast_errors(model: Predictor, flight: Segment, origins: np.ndarray) -> d
     """
     least = model.window + 2
     require(len(flight) >= least, f"at least {least} samples are needed; got {len(flight)}.")
-    seen, first = of_wrenches(flight.chi, flight.zeta, model.step), int(origins[0])
+    seen = of_wrenches(flight.chi, flight.zeta, model.step)
+    first = int(origins[0])
     chi_hat = flight_forecasts(
         NeuralPredictor.of(model), seen, [1], first=first, motion=HELD, averaged=False
     )
@@ -104,7 +105,8 @@ def flight_errors(
     """Return of a case {"flight", "model": configuration} the errors by column of forecasts one
     step ahead, from every origin of the flight from the first on.
     """
-    flight, model = flown[case["flight"]], models[case["model"]]
+    flight = flown[case["flight"]]
+    model = models[case["model"]]
     return forecast_errors(model, flight, np.arange(first, len(flight) - 1))
 
 
@@ -145,7 +147,8 @@ def ratios(cells: Cells, row: str) -> np.ndarray:
 def run(run: Run, neurobem: Neurobem = None) -> Report:
     """The paper's table, one step ahead. On all real flights in DIR."""
     training, tests = flights(required("estimation", neurobem, NEUROBEM_FLIGHTS))
-    segments, ours = [part(training, 0, LEARNED)], configs(run.seed)
+    segments = [part(training, 0, LEARNED)]
+    ours = configs(run.seed)
     with run.bar("training", 1.0):
         models = {name: train(segments, config).model for name, config in ours.items()}
     settings = {name: dc.asdict(config) for name, config in ours.items()}
@@ -181,7 +184,9 @@ def run(run: Run, neurobem: Neurobem = None) -> Report:
 
 
 SIZES = (1000, 2000, 3000, 4000, 5000, 6000)  # samples, as far as the segment goes [1]
-FIRST, LAST = 87, -100  # origins that are tested: behind the longest window of a model [1]
+# origins that are tested: behind the longest window of a model [1]
+FIRST = 87
+LAST = -100
 KINDS = ("force", "torque")
 FLIGHT = "race track 1"
 # One step ahead on race track 1 [N, N·m]. The paper shows a curve without numbers; these are the

@@ -59,8 +59,12 @@ def train_model(
     `payload_filter` takes the bank of the packaged model, `neural-lpv` its network.
     Raises: ValueError: on an unknown configuration.
     """
-    controller, vehicle, log = flight.config.controller, flight.config.vehicle, scored_log(flight)
-    step, label, flights = controller.period, controller.label, [Flight(log, vehicle)]
+    controller = flight.config.controller
+    vehicle = flight.config.vehicle
+    log = scored_log(flight)
+    step = controller.period
+    label = controller.label
+    flights = [Flight(log, vehicle)]
     model: Any
     if configuration in REACTIONS:
         model, _ = train_motion_model(configuration, flights, step=step, label=label, seed=seed)
@@ -97,7 +101,8 @@ def drawn_log(number: int, *, seed: int, vehicle: Vehicle, network: str) -> Flig
         _, config = drawn_flight(number, Envelope(), seed=seed, vehicle=vehicle)
         controller = config.controller
         if network:
-            controller.kind, controller.predictor = "np", network
+            controller.kind = "np"
+            controller.predictor = network
             if rng.random() < 0.5:
                 controller.mpc = load_experiment(SOFT, vehicle).controller.mpc
         else:
@@ -119,7 +124,8 @@ def train_network_on_envelope(
     the second one from these and as many that the first has flown.
     """
     circle = fly(load_experiment(TRAINING, vehicle), seed=run.seed)
-    step, flights = circle.config.controller.period, [Flight(scored_log(circle), vehicle)]
+    step = circle.config.controller.period
+    flights = [Flight(scored_log(circle), vehicle)]
     config = make_config(NEURAL_LPV, seed=run.seed, epochs=epochs)
     with tempfile.TemporaryDirectory() as folder:
         first = Path(folder) / "first.safetensors"
@@ -214,7 +220,8 @@ def learn_priors(
         error: of priors, positive.
         on_trial: called with parameters done, all of them, and the least error so far.
     """
-    best, least = first, error(first)
+    best = first
+    least = error(first)
     course = [least]
     names = [(name, entry) for name in CONDITIONAL for entry in range(first.conditions)]
     names += [(name, -1) for name in OTHERS]
@@ -223,7 +230,8 @@ def learn_priors(
             tried = _changed(best, name, entry, factor)
             found = error(tried)
             if found < (1 - GAIN) * least:
-                best, least = tried, found
+                best = tried
+                least = found
                 course.append(least)
                 break
             course.append(least)

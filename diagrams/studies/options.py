@@ -134,7 +134,8 @@ def spread(
     def cell(line: Line) -> str:
         if line[key] is None:
             return NOTHING
-        value, width = factor * line[key], factor * line[f"{key}_ci95"]
+        value = factor * line[key]
+        width = factor * line[f"{key}_ci95"]
         if math.isinf(value):
             return lost
         return f"{value:.{digits}f}" + ("" if math.isnan(width) else f" ± {width:.{digits}f}")

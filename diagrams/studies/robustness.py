@@ -48,7 +48,9 @@ GUSTS = 0.25  # standard deviation of each axis of the wind, over its mean speed
 GROWING = 1.5  # growth of error or swing above which it counts as growing; own choice [1]
 GROWTHS = ("growth", "swing_growth")  # keys of growth over the steady window [1]
 ORACLE = "oracle"  # row that knows everything
-NEAR, FLOOR = 2.0, 0.001  # near the oracle: at most NEAR times its E_xy [1] and FLOOR more [m]
+# near the oracle: at most NEAR times its E_xy [1] and FLOOR more [m]
+NEAR = 2.0
+FLOOR = 0.001
 # Rows of the tracking comparison that are flown.
 SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np", "payload_filter", ORACLE)
 ROWS = tuple(named(TRACKING_ROWS, name) for name in SHOWN)
@@ -101,7 +103,8 @@ def flight_config(
 ) -> FlightConfig:
     """Return the circle with the values of a case, for `duration` after the ramp [s]."""
     config = configure("circle", row, solver=solver, model=model)
-    reality, noise = config.reality, config.reality.noise
+    reality = config.reality
+    noise = config.reality.noise
     reality.payload.length = case["length"]
     if case["mass"] > 0:
         reality.payload.mass = case["mass"]
@@ -109,10 +112,13 @@ def flight_config(
         reality.payload.tether = "none"
     reality.noise = dc.replace(noise, **{k: case["noise"] * v for k, v in dc.asdict(noise).items()})
     reality.wind = [case["wind"], 0.0, 0.0]
-    reality.gust, reality.gust_seed = GUSTS * case["wind"] + case["gust"], case["seed"]
-    reality.motor_lag, reality.command_delay = case["lag"], case["delay"]
+    reality.gust = GUSTS * case["wind"] + case["gust"]
+    reality.gust_seed = case["seed"]
+    reality.motor_lag = case["lag"]
+    reality.command_delay = case["delay"]
     reality.thrust_loss = case["loss"]
-    config.reference.speed, config.reference.height = case["speed"], HEIGHT
+    config.reference.speed = case["speed"]
+    config.reference.height = HEIGHT
     config.duration = duration
     config.controller.extra_mass = case["mass"] if row.known_mass else 0.0
     return config.check()
@@ -120,11 +126,13 @@ def flight_config(
 
 def flown(case: Case, row: Row, model: str, **how: Any) -> dict:
     """Fly a case and return its measures."""
-    config, why = flight_config(case, row, model=model, **how), ""
+    config = flight_config(case, row, model=model, **how)
+    why = ""
     try:
         signals = fly(config, seed=case["seed"], tolerance=LOST).signals
     except LostVehicle as error:
-        signals, why = error.signals, str(error)
+        signals = error.signals
+        why = str(error)
     return measures(config, signals, why)
 
 
@@ -139,17 +147,21 @@ def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = ""
         solve_failures, fallbacks: periods until the loss.
         at_limit: share of these with a command at a rotor's limit [1].
     """
-    t, x = signals["t"], signals["x_true"]
+    t = signals["t"]
+    x = signals["x_true"]
     near = np.linalg.norm(x[:, :3] - signals["p_ref"], axis=1) < LOST
     far = ~near  # so that NaN is far
     lost = bool(why) or bool(far.any())
     end = int(np.argmax(far)) if far.any() else len(t)
-    rows, steady = slice(0, max(end, 1)), t >= config.reference.lead + SETTLING - 1e-9
+    rows = slice(0, max(end, 1))
+    steady = t >= config.reference.lead + SETTLING - 1e-9
     status = signals["status"][rows, 0]
     command = signals["u"][rows] @ config.vehicle.unmixer.T / config.vehicle.max_rotor_thrust
     errors: dict[str, float | None] = dict.fromkeys((*ERRORS, *GROWTHS))
     if not lost:
-        p, p_ref, plant = x[steady, :3], signals["p_ref"][steady], signals["plant_state"][steady]
+        p = x[steady, :3]
+        p_ref = signals["p_ref"][steady]
+        plant = signals["plant_state"][steady]
         errors |= {key: metrics.tracking_errors(p, p_ref)[key] for key in ERRORS}
         errors["growth"] = metrics.error_growth(p, p_ref)
         if plant.shape[1] >= 26:  # there is a payload
@@ -326,7 +338,8 @@ def run(
     )
     results(flights)
     cells = cells_of(tidy(flights))
-    lines, points = robustness_table(cells, axes), grid_points(cells, crossed)
+    lines = robustness_table(cells, axes)
+    points = grid_points(cells, crossed)
     title = f"{duration:g} s, {run.title()}"
     return Report(
         [

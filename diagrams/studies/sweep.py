@@ -85,7 +85,8 @@ def configure(
     """
     config = load_experiment(track, vehicle, reality)
     controller = config.controller
-    controller.kind, controller.solver = row.kind, solver
+    controller.kind = row.kind
+    controller.solver = solver
     controller.predictor = model if row.kind in LEARNED else ""
     controller.mpc.weight_swing = row.weight_swing
     if row.weight_rate is not None:
@@ -103,7 +104,8 @@ def training_config(
     """
     config = load_experiment(experiment, vehicle, reality)
     config.duration = load_experiment(experiment).duration
-    config.controller.kind, config.controller.solver = "nominal", solver
+    config.controller.kind = "nominal"
+    config.controller.solver = solver
     return config
 
 

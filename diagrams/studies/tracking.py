@@ -51,7 +51,9 @@ from np_drake.residual_models.predictor_training import CONFIGURATIONS
 from np_drake.vehicle import load_vehicle
 
 TRACKS = ("circle", "lemniscate")  # experiments that are flown
-PLAIN, DITHERED = "plain_circle", "training_circle"  # experiments that are trained on
+# experiments that are trained on
+PLAIN = "plain_circle"
+DITHERED = "training_circle"
 # The paper's Table II: (E_xy, E_z) [m], real flights. Source: Jin et al. 2025.
 PAPER = {
     "nominal": {"circle": (0.1797, 0.2329), "lemniscate": (0.2029, 0.2539)},
@@ -84,7 +86,8 @@ def flown(case: Case, row: Row, model: str, *, solver: str, **world: Any) -> dic
 
     A lost vehicle is a result: another try would lose it too.
     """
-    track, seed = case["track"], case["seed"]
+    track = case["track"]
+    seed = case["seed"]
     try:
         flight = fly(configure(track, row, solver=solver, model=model, **world), seed=seed)
     except FailedRun as error:
@@ -243,15 +246,15 @@ def _published(line: dict) -> tuple[float, ...]:
 # Position RMSE [m]. Source: Jin et al. 2025, hovering experiment
 HOVER_PAPER = {"nominal": 0.242, "np: paper": 0.064, "np": 0.064}
 HOVER_KEYS = ("position_rmse", "early", "late", "E_xy", "E_z", "amplitude", "rate", "settling")
-HOVER_LOST = {
-    **dict.fromkeys(HOVER_KEYS, np.inf),
-    "solve_failures": 0,
-    "fallbacks": 0,
-}  # of a lost vehicle
+# of a lost vehicle
+HOVER_LOST = {**dict.fromkeys(HOVER_KEYS, np.inf), "solve_failures": 0, "fallbacks": 0}
 CUTS = ("position_rmse", "late", "E_xy")  # keys that are also given relative to nominal
 EARLY = 2.0  # after the impulse; later every predictor has seen the swing begin [s]
-DAMPED, FILTER_DAMPED = "np + active damping", "payload_filter + active damping"  # names of rows
-NP, FILTER = named(ROWS, "np"), named(ROWS, "payload_filter")
+# names of rows
+DAMPED = "np + active damping"
+FILTER_DAMPED = "payload_filter + active damping"
+NP = named(ROWS, "np")
+FILTER = named(ROWS, "payload_filter")
 AS_IN_THE_PAPER = named(ROWS, "np: paper")
 HOVER_ROWS = (
     *(named(ROWS, name) for name in ("nominal", "hold")),
@@ -288,8 +291,10 @@ def hover_metrics(flight: FlightResult, early: float = EARLY) -> dict:
     its impulse at the end of the ramp; `early` [s] parts the two position RMSE.
     """
     t, distance = swing_course(flight)
-    rows, shared = flight.scored, flight.metrics()
-    p, p_ref = flight.signals["x_true"][rows, :3], flight.signals["p_ref"][rows]
+    rows = flight.scored
+    shared = flight.metrics()
+    p = flight.signals["x_true"][rows, :3]
+    p_ref = flight.signals["p_ref"][rows]
 
     def rmse(part: np.ndarray) -> float:
         square = np.sum((p - p_ref)[part] ** 2, axis=1)
@@ -359,8 +364,10 @@ def hover(
     reality: Reality = None,
 ) -> Report:
     """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure."""
-    run, world = FlownRun(**vars(run), count=seeds, solver=solver), world_of(reality)
-    rows, how = choose_rows(HOVER_ROWS, only), {"solver": run.solver, **world}
+    run = FlownRun(**vars(run), count=seeds, solver=solver)
+    world = world_of(reality)
+    rows = choose_rows(HOVER_ROWS, only)
+    how = {"solver": run.solver, **world}
     config = {
         "solver": run.solver,
         "training_seed": run.seed,
@@ -368,7 +375,8 @@ def hover(
         "hover": settings_of(configure("hover_swing", HOVER_ROWS[0], **how)),
         "training": settings_of(training_config(DITHERED, **how)),
     }
-    work, scenarios = partial(swung, **how), [{"seed": seed} for seed in run.seeds]
+    work = partial(swung, **how)
+    scenarios = [{"seed": seed} for seed in run.seeds]
     _, records = fly_rows(run, "hover", rows, scenarios, work, config=config, **world)
     runs = [{"metrics": HOVER_LOST, **result} for result in results(records)]
     lines = hover_table(runs)
@@ -417,7 +425,8 @@ def attached(case: Case, row: Row, model: str, **how: Any) -> dict:
     """Return the courses of f_z [N] and height [m] of a case from its event on, and counts."""
     config = configure("attach", row, model=model, **how)
     flight = fly(config, seed=case["seed"])
-    s, counts = flight.signals, flight.metrics()
+    s = flight.signals
+    counts = flight.metrics()
     return {
         **{"row": row.name, "seed": case["seed"], "t": s["t"] - config.events[0].time},
         **{name: s[name][:, 2] for name in SIGNALS},
@@ -437,7 +446,8 @@ def step_response(t: np.ndarray, courses: np.ndarray) -> dict[str, float]:
             once 90 % are reached [1, of the step].
         deviation: of one flight over time in steady hover before the event, mean over flights [N].
     """
-    before, after = courses[:, (t < 0) & (t >= -AFTER)], courses[:, t >= AFTER]
+    before = courses[:, (t < 0) & (t >= -AFTER)]
+    after = courses[:, t >= AFTER]
     steps = after.mean(axis=1) - before.mean(axis=1)
     course = (courses.mean(axis=0) - before.mean()) / steps.mean()
     early = (t >= 0) & (t < AFTER)
@@ -464,7 +474,8 @@ def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
     lines = []
     for row in dict.fromkeys(run["row"] for run in runs):
         mine = [run for run in runs if run["row"] == row]
-        t, wanted = np.array(mine[0]["t"]), expected_step(config)
+        t = np.array(mine[0]["t"])
+        wanted = expected_step(config)
         height = np.array([run["height"] for run in mine])[:, t >= 0]
         shared = {
             **{"event": "attach", "row": row, "expected": wanted, "flights": len(mine)},
@@ -497,7 +508,8 @@ def attach(
     run: Run, seeds: Seeds = 20, solver: Solver = DEFAULT_SOLVER, reality: Reality = None
 ) -> Report:
     """100 g more are hung on in flight. --out DIR: models, and the responses as a figure."""
-    run, world = FlownRun(**vars(run), count=seeds, solver=solver), world_of(reality)
+    run = FlownRun(**vars(run), count=seeds, solver=solver)
+    world = world_of(reality)
     how = {"solver": run.solver, **world}
     config = configure("attach", Row("", "nominal"), **how)
     settings = {
@@ -506,7 +518,8 @@ def attach(
         "attach": settings_of(config),
         "training": settings_of(training_config(DITHERED, **how)),
     }
-    work, scenarios = partial(attached, **how), [{"seed": seed} for seed in run.seeds]
+    work = partial(attached, **how)
+    scenarios = [{"seed": seed} for seed in run.seeds]
     _, records = fly_rows(run, "attach", ATTACH_ROWS, scenarios, work, config=settings, **world)
     runs = results(records)
     lines = attach_table(runs, config)

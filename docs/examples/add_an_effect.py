@@ -49,9 +49,8 @@ def main() -> None:
         config = FlightConfig(name=track, duration=7.0, reality=reality, reference=reference)
         config.controller.solver = "sqp"
         logs.append(fly(config, seed=len(logs)).log())
-    vehicle = dc.replace(
-        config.vehicle, command_timing="held"
-    )  # a simulator logs commands as they act
+    # a simulator logs commands as they act
+    vehicle = dc.replace(config.vehicle, command_timing="held")
     found = diagnose(vehicle, logs[:1], logs[1:])
     print(found.verdict, found.causes[0].parameters["stiffness"])
 

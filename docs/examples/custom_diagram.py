@@ -19,7 +19,8 @@ from systems import (
 )
 from systems.recorder import Recorder
 
-VEHICLE, PAYLOAD = Vehicle(), PayloadConfig(mass=0.3, length=0.7)
+VEHICLE = Vehicle()
+PAYLOAD = PayloadConfig(mass=0.3, length=0.7)
 TRACK = lemniscate(length=1.5, width=0.75, height=1.5, speed=1.0, ramp=3.0)
 PERIOD = 0.02  # of controller and recorder [s]
 

@@ -13,7 +13,9 @@ from diagrams import add_controller, load_experiment
 from diagrams.loop.flight_diagram import set_initial_state
 from diagrams.loop.reality import REAL_VEHICLE, make_real_vehicle
 
-STEP, SPAN = 0.04, np.array([5.0, 0.6, 0.6, 0.1])  # between two actions [s]; largest one [N, N·m]
+# between two actions [s]; largest one [N, N·m]
+STEP = 0.04
+SPAN = np.array([5.0, 0.6, 0.6, 0.1])
 ERROR = np.eye(3, 16, 13) - np.eye(3, 16)  # position error in an observation [m]
 
 
@@ -22,17 +24,16 @@ def make_env(payload: float) -> DrakeGymEnv:
     not know.
     """
     config = load_experiment("circle")
-    config.reality.payload.mass, config.reference.ramp, config.controller.kind = (
-        payload,
-        2.0,
-        "cascade",
-    )
+    config.reality.payload.mass = payload
+    config.reference.ramp = 2.0
+    config.controller.kind = "cascade"
     builder = DiagramBuilder()
     vehicle = builder.AddNamedSystem(
         REAL_VEHICLE, make_real_vehicle(config.vehicle, config.reality)
     )
     cascade = add_controller(builder, config.controller, config.vehicle, config.motion, vehicle)
-    command, seen = builder.AddSystem(Adder(2, 4)), builder.AddSystem(Multiplexer([13, 3]))
+    command = builder.AddSystem(Adder(2, 4))
+    seen = builder.AddSystem(Multiplexer([13, 3]))
     builder.Connect(cascade["u"], command.get_input_port(0))
     builder.Connect(command.get_output_port(), vehicle.GetInputPort("u"))
     builder.Connect(vehicle.GetOutputPort("x"), seen.get_input_port(0))
@@ -57,7 +58,8 @@ def make_env(payload: float) -> DrakeGymEnv:
 
 def fly(env: DrakeGymEnv, gains: np.ndarray) -> float:
     """Time on the reference [s]: a step of 10 cm off counts half."""
-    (seen, _), total = env.reset(), 0.0
+    seen, _ = env.reset()
+    total = 0.0
     for _ in range(150):
         x, y, z = ERROR @ seen
         seen, reward, *_ = env.step(
@@ -69,10 +71,10 @@ def fly(env: DrakeGymEnv, gains: np.ndarray) -> float:
 
 def main(policies: int = 60) -> None:
     """Chooses the best of random policies on one payload and flies it with another."""
-    drawn = np.random.default_rng(0).uniform(
-        0.0, [4.0, 20.0, 0.4], (policies, 3)
-    )  # [N, N/m, N·m/m]
-    env, other = make_env(0.26), make_env(0.32)
+    # [N, N/m, N·m/m]
+    drawn = np.random.default_rng(0).uniform(0.0, [4.0, 20.0, 0.4], (policies, 3))
+    env = make_env(0.26)
+    other = make_env(0.32)
     best = max(drawn, key=lambda gains: fly(env, gains))
     print(
         f"cascade: {fly(other, 0.0 * best):.2f} of 6 s; cascade + correction: "

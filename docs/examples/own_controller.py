@@ -22,14 +22,17 @@ class Feedback(LeafSystem):
 
     def __init__(self, vehicle, stiffness=6.0):
         super().__init__()
-        self._vehicle, self._stiffness = vehicle, stiffness  # [1/s²]
+        # [1/s²]
+        self._vehicle = vehicle
+        self._stiffness = stiffness
         self._x = self.DeclareVectorInputPort("x", 13)
         self._flat = self.DeclareVectorInputPort("flat", 15)
         self._label = self.DeclareVectorInputPort("label", 6)
         self.DeclareVectorOutputPort("u", 4, self._calc_u)
 
     def _calc_u(self, context, output):
-        x, flat = self._x.Eval(context), self._flat.Eval(context).reshape(5, 3)
+        x = self._x.Eval(context)
+        flat = self._flat.Eval(context).reshape(5, 3)
         label = self._label.Eval(context)
         a = flat[2] + self._stiffness * (flat[0] - x[:3]) + 4.0 * (flat[1] - x[7:10])
         force = self._vehicle.mass * (a + [0.0, 0.0, self._vehicle.gravity]) - label[:3]

@@ -24,7 +24,10 @@ from np_drake.vehicle.scaling import usual_rate_loop
 from np_drake.vehicle.vehicle import ThrottleMap
 
 # the firmware's own ports, moved by an offset
-PWM, STATE, STICKS, COMMAND_LINE = 9002, 9003, 9004, 5761
+PWM = 9002
+STATE = 9003
+STICKS = 9004
+COMMAND_LINE = 5761
 PORTS = (9001, PWM, STATE, STICKS, *range(5761, 5769))
 OFFSETS = range(2000, 50000, 16)
 # real time after which a firmware that does not answer counts as hung [s]; source: own choice
@@ -32,9 +35,15 @@ ANSWERS = 20.0
 LOG = "firmware.log"  # what it prints
 TICK = 0.005  # by which the firmware goes on while it is asked [s]
 BOOT = 10.0  # of the firmware's time until its command line must answer [s]
-CALL, CALLS = 1.0, 10  # after which it is called again [s], and how often [1]
+# after which it is called again [s], and how often [1]
+CALL = 1.0
+CALLS = 10
 PERIOD = 0.001  # between states of the vehicle that the firmware gets [s]
-LEAST_THROTTLE, MOST, MIDDLE, HALF = 1010, 2000, 1500, 500  # pulse widths of the receiver [µs]
+# pulse widths of the receiver [µs]
+LEAST_THROTTLE = 1010
+MOST = 2000
+MIDDLE = 1500
+HALF = 500
 RATE_STEP = 10.0  # of the firmware's largest rates [deg/s]
 AXES = ("roll", "pitch", "yaw")
 RESERVED = (  # settings by which the sticks are rates and thrust
@@ -47,13 +56,20 @@ RESERVED = (  # settings by which the sticks are rates and thrust
     *(f"{axis}_{name}" for axis in AXES for name in ("rc_rate", "srate", "expo")),
 )
 STICK_EVERY = 5  # periods, while it is held [1]
-WARM_UP, SETTLED = 6.0, 0.5  # calibration of the gyro, and what it takes to arm [s]
+# calibration of the gyro, and what it takes to arm [s]
+WARM_UP = 6.0
+SETTLED = 0.5
 FASTEST = 200.0  # bandwidth beyond which no rotor follows [rad/s]; source: own choice
 # bandwidth over that of I; share of the rotors' lag that D makes up for [1]; own choice
-INTEGRAL, DAMPED = 20.0, 0.5
+INTEGRAL = 20.0
+DAMPED = 0.5
 ROTOR_LAG = 0.03  # of a vehicle whose file names none [s]; source: own choice, as the simulator's
 # Units of the firmware's gains: outputs per thousand over deg/s, deg and deg/s². Source: its pid.h.
-P_UNIT, I_UNIT, D_UNIT, OUTPUT, MOST_GAIN = 0.032029, 0.244381, 0.000529, 1000.0, 250
+P_UNIT = 0.032029
+I_UNIT = 0.244381
+D_UNIT = 0.000529
+OUTPUT = 1000.0
+MOST_GAIN = 250
 # roll, pitch, throttle, yaw, arming: disarmed [µs]
 _LOW = np.array([MIDDLE, MIDDLE, 1000.0, MIDDLE, 1000.0])
 _ARMED = np.array([0.0, 0.0, 0.0, 0.0, 1000.0])  # more [µs]
@@ -104,13 +120,15 @@ class Firmware:
     """
 
     def __init__(self) -> None:
-        self._binary, compiler = find_firmware(), shutil.which("gcc") or shutil.which("cc")
+        self._binary = find_firmware()
+        compiler = shutil.which("gcc") or shutil.which("cc")
         if compiler is None:
             raise AutopilotError(
                 "betaflight: a C compiler is needed to run the firmware in lock-step; install gcc."
             )
         self._scratch = tempfile.TemporaryDirectory(prefix="np_drake_betaflight_")
-        self.folder, self._resources = Path(self._scratch.name), contextlib.ExitStack()
+        self.folder = Path(self._scratch.name)
+        self._resources = contextlib.ExitStack()
         self._newest = bytes(16)  # packet of motor outputs
         clock = (str(self.folder / "lock_step.so"), str(Path(__file__).with_name("lock_step.c")))
         built = subprocess.run(
@@ -136,7 +154,8 @@ class Firmware:
         self._sender = self._resources.enter_context(
             socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         )
-        (grants, self._grant), (self._event, events) = os.pipe(), os.pipe()
+        grants, self._grant = os.pipe()
+        self._event, events = os.pipe()
         for end in (self._grant, self._event):
             self._resources.callback(os.close, end)
         environment = {
@@ -168,7 +187,9 @@ class Firmware:
         self._resources.callback(self._process.wait)
         self._resources.callback(self._process.kill)
         # of the firmware since its last start [s]; datagrams, and lines [1]
-        self.time, self._sent, self._asked = 0.0, 0, 0
+        self.time = 0.0
+        self._sent = 0
+        self._asked = 0
         self._wait()
 
     def advance(self, seconds: float) -> None:
@@ -278,7 +299,8 @@ class Firmware:
         """Return what is heard once it is `done`; nothing where it is not after a time of the
         firmware [s].
         """
-        heard, begin = b"", self.time
+        heard = b""
+        begin = self.time
         while self.time - begin < seconds and not done(heard):
             self.advance(TICK)
             with contextlib.suppress(TimeoutError):
@@ -373,7 +395,8 @@ def gain_lines(vehicle: Vehicle, bandwidth: Sequence[float]) -> list[str]:
 
     Raises: ValueError: where a gain is larger than the firmware takes.
     """
-    curve, hover = thrust_map(vehicle), vehicle.mass * vehicle.gravity / 4
+    curve = thrust_map(vehicle)
+    hover = vehicle.mass * vehicle.gravity / 4
     output = float(curve.throttle(hover))
     # [N per output], [rad/s² per output]
     slope = float(curve.thrust(output + 0.01) - curve.thrust(output - 0.01)) / 0.02
@@ -413,7 +436,8 @@ class Betaflight(Firmware):
         self._map = thrust_map(vehicle)
         most = np.degrees((vehicle.rate_loop or usual_rate_loop(vehicle)).max_rate)
         self._most = RATE_STEP * np.ceil(most / RATE_STEP)
-        self._since, self._outputs = np.inf, np.zeros(4)
+        self._since = np.inf
+        self._outputs = np.zeros(4)
         self._last: tuple[Sensed, np.ndarray] | None = None  # what was seen and commanded last
         gains = gain_lines(vehicle, self.config.bandwidth) if self.config.bandwidth else []
         super().__init__()
@@ -516,7 +540,8 @@ def _motors_of(vehicle: Vehicle) -> tuple[list[int], bool]:
     """Return the firmware's motor of each rotor, from 0, and whether all turn the other way than by
     default; ValueError where the vehicle is no X whose opposite rotors turn alike.
     """
-    layout, positions = FIRMWARE["betaflight"], vehicle.rotor_positions
+    layout = FIRMWARE["betaflight"]
+    positions = vehicle.rotor_positions
     directions = vehicle.rotor_directions
     try:
         return layout.order_of(positions, directions), False

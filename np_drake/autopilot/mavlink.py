@@ -20,15 +20,32 @@ from np_drake.rigid_body import P, Q, V, W
 
 NEEDS = "offboard control needs pymavlink; pip install 'np_drake[node]'."
 # MAV_COMP_ID_ONBOARD_COMPUTER, MAV_COMP_ID_AUTOPILOT1; usual system
-COMPANION, AUTOPILOT, SYSTEM = 191, 1, 1
-LOCAL_NED, BODY_FRD = 1, 12  # MAV_FRAME
+COMPANION = 191
+AUTOPILOT = 1
+SYSTEM = 1
+# MAV_FRAME
+LOCAL_NED = 1
+BODY_FRD = 12
 IGNORE_ATTITUDE = 128  # ATTITUDE_TARGET_TYPEMASK: follow body rates and thrust
-PX4, ARDUPILOT, NO_AUTOPILOT = 12, 3, 8  # MAV_AUTOPILOT
-QUADROTOR, ONBOARD, ACTIVE = 2, 18, 4  # MAV_TYPE, MAV_STATE
-ARMED, HIL, GUIDED, CUSTOM_MODE = 128, 32, 8, 1  # MAV_MODE_FLAG; HIL: simulated, motors are blocked
+# MAV_AUTOPILOT
+PX4 = 12
+ARDUPILOT = 3
+NO_AUTOPILOT = 8
+# MAV_TYPE, MAV_STATE
+QUADROTOR = 2
+ONBOARD = 18
+ACTIVE = 4
+# MAV_MODE_FLAG; HIL: simulated, motors are blocked
+ARMED = 128
+HIL = 32
+GUIDED = 8
+CUSTOM_MODE = 1
 # custom_mode of PX4: main mode, and sub mode
-PX4_OFFBOARD, PX4_HOLD = 6 << 16, (4 << 16) | (3 << 24)
-COPTER_LOITER, COPTER_GUIDED = 5, (4, 20)  # custom_mode of ArduCopter: GUIDED, GUIDED_NOGPS
+PX4_OFFBOARD = 6 << 16
+PX4_HOLD = (4 << 16) | (3 << 24)
+# custom_mode of ArduCopter: GUIDED, GUIDED_NOGPS
+COPTER_LOITER = 5
+COPTER_GUIDED = (4, 20)
 SILENT = 5.0  # after which an address of a peer is forgotten [s]; source: own choice
 MOST_READS = 1000  # of a socket in one go; source: own choice
 
@@ -129,7 +146,8 @@ class Codec:
         """Return a heartbeat: a companion's, or an autopilot's, in offboard or in hold."""
         if self._is_companion:
             return self._pack(self._out.heartbeat_encode(ONBOARD, NO_AUTOPILOT, 0, 0, ACTIVE))
-        flags, mode = ARMED | HIL | CUSTOM_MODE, PX4_OFFBOARD if engaged else PX4_HOLD
+        flags = ARMED | HIL | CUSTOM_MODE
+        mode = PX4_OFFBOARD if engaged else PX4_HOLD
         return self._pack(self._out.heartbeat_encode(QUADROTOR, PX4, flags, mode, ACTIVE))
 
     def odometry(self, stamp: float, x: np.ndarray) -> bytes:
@@ -170,7 +188,8 @@ class Codec:
             raise ValueError(
                 f"offboard: body rates and thrust must be finite; got {values.tolist()}."
             )
-        ms, level = round(1e3 * stamp) % 2**32, [1.0, 0.0, 0.0, 0.0]
+        ms = round(1e3 * stamp) % 2**32
+        level = [1.0, 0.0, 0.0, 0.0]
         if not self._is_companion:
             return self._pack(self._out.attitude_target_encode(ms, IGNORE_ATTITUDE, level, *values))
         to = (self._system or SYSTEM, AUTOPILOT, IGNORE_ATTITUDE)
@@ -202,7 +221,8 @@ class Codec:
 
     def _is_peer(self, m: Any) -> bool:
         """Return whether a message is for us; the first autopilot's heartbeat names the system."""
-        kind, peer = m.get_type(), AUTOPILOT if self._is_companion else COMPANION
+        kind = m.get_type()
+        peer = AUTOPILOT if self._is_companion else COMPANION
         if kind == "BAD_DATA" or m.get_srcComponent() != peer:
             return False
         if not self._system and kind == "HEARTBEAT" and m.autopilot != NO_AUTOPILOT:
@@ -210,12 +230,14 @@ class Codec:
         return self._system == m.get_srcSystem()
 
     def _said(self, m: Any) -> Said | None:
-        kind, nan = m.get_type(), np.full(3, np.nan)
+        kind = m.get_type()
+        nan = np.full(3, np.nan)
         if kind == "HEARTBEAT" and m.autopilot != NO_AUTOPILOT:
             return Heartbeat(_engaged(m), m.autopilot, bool(m.base_mode & HIL))
         axes = (BODY_FRD, LOCAL_NED)  # of a velocity
         if kind == "ODOMETRY" and m.frame_id == LOCAL_NED and m.child_frame_id in axes:
-            q, v = turned_attitude(np.array(m.q)), np.array([m.vx, m.vy, m.vz])
+            q = turned_attitude(np.array(m.q))
+            v = np.array([m.vx, m.vy, m.vz])
             in_body = m.child_frame_id == BODY_FRD
             v = attitude.rotate(q, FRD_TO_FLU * v) if in_body else NED_TO_ENU @ v
             parts = [NED_TO_ENU @ np.array([m.x, m.y, m.z]), q, v, _rates(m)]
@@ -227,7 +249,8 @@ class Codec:
             q = turned_attitude(np.array([m.q1, m.q2, m.q3, m.q4]))
             return Pose(1e-3 * m.time_boot_ms, kind, np.concatenate([nan, q, nan, _rates(m)]))
         if kind == "HIGHRES_IMU":
-            f, w = np.array([m.xacc, m.yacc, m.zacc]), np.array([m.xgyro, m.ygyro, m.zgyro])
+            f = np.array([m.xacc, m.yacc, m.zacc])
+            w = np.array([m.xgyro, m.ygyro, m.zgyro])
             return Inertial(1e-6 * m.time_usec, FRD_TO_FLU * f, FRD_TO_FLU * w)
         if kind == "COMMAND_LONG" and m.command == self._mavlink.MAV_CMD_DO_SET_MODE:
             return HoldPlace()
@@ -250,7 +273,8 @@ def _rates(m: Any) -> np.ndarray:
 
 def _engaged(heartbeat: Any) -> bool:
     """Return whether the autopilot is armed, and in the mode in which it follows a companion."""
-    mode, flags = heartbeat.custom_mode, heartbeat.base_mode
+    mode = heartbeat.custom_mode
+    flags = heartbeat.base_mode
     follows = {PX4: mode & 0xFF0000 == PX4_OFFBOARD, ARDUPILOT: mode in COPTER_GUIDED}
     return bool(flags & ARMED and follows.get(heartbeat.autopilot, flags & GUIDED))
 

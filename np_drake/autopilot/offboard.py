@@ -17,7 +17,9 @@ from np_drake.rigid_body import P, Q, V, W
 CLEAR = 0.1  # time in order after which a flight goes on [s]; source: own choice
 AHEAD = 0.2  # turn after which a hold heads anew [rad]; source: own choice
 # Commands in force that are alike, and those in succession that show whose they are.
-ALIKE, FOLLOWED = 1e-4, 3  # [1, rad/s], [1]; source: own choice, 1000 times a float's resolution
+# [1, rad/s], [1]; source: own choice, 1000 times a float's resolution
+ALIKE = 1e-4
+FOLLOWED = 3
 # of the period that is asked for, by which a command may be older than what the vehicle feels
 AS_FELT = 0.9  # [1]; source: own choice, less than a whole one
 FORGOTTEN = 1.0  # after which a state says nothing of where the next may be [s]; source: own choice
@@ -97,10 +99,12 @@ class MessageClock:
         """
         restarted = stamp < self.newest - RESTART
         if restarted:
-            self.newest, self._ends = stamp, -np.inf
+            self.newest = stamp
+            self._ends = -np.inf
         if now >= self._ends:
             self._before = self._least if now < self._ends + WINDOW else np.inf
-            self._least, self._ends = np.inf, now + WINDOW
+            self._least = np.inf
+            self._ends = now + WINDOW
         self._least, self.newest = min(self._least, now - stamp), max(self.newest, stamp)
         return restarted
 
@@ -136,8 +140,10 @@ class NodeClock:
                 isinstance(one, Pose | Inertial) and not 0.0 <= self._newest - one.stamp <= RESTART
             ):
                 if abs(one.stamp - self._newest) > RESTART:
-                    self._offset, self._since = now - one.stamp, (ours, one.stamp)
-                self._newest, self._moved = one.stamp, ours
+                    self._offset = now - one.stamp
+                    self._since = (ours, one.stamp)
+                self._newest = one.stamp
+                self._moved = ours
         if self.waits and ours - self._moved < PATIENCE:
             theirs = self._newest + self._offset
             now = min(max(now, theirs), theirs + SLACK)
@@ -166,7 +172,8 @@ class Readings:
     """What a vehicle's messages have said so far, with gravity in [m/s²]."""
 
     def __init__(self, config: OffboardConfig, gravity: float = 9.81):
-        self._config, self._gravity = config, np.array([0.0, 0.0, gravity])
+        self._config = config
+        self._gravity = np.array([0.0, 0.0, gravity])
         self.refused = {"late": 0, "absurd": 0}  # messages that were not taken
         self.restarts = 0  # of the autopilot
         self.voltage: float | None = None  # of the battery [V]; None: not known
@@ -184,12 +191,15 @@ class Readings:
         self._taken: dict[str, float] = {}  # our time of each [s]
         self._inertial: list[Inertial] = []
         self._command = Command(np.full(3, np.nan), np.nan)
-        self._command_at, self._alike = -np.inf, 0
+        self._command_at = -np.inf
+        self._alike = 0
 
     def take(self, said: Said, now: float) -> None:
         """Take what a message says, at our time [s]."""
         if isinstance(said, Heartbeat):
-            self.engaged, self._heard, self.autopilot = said.engaged, now, said.autopilot
+            self.engaged = said.engaged
+            self._heard = now
+            self.autopilot = said.autopilot
         elif isinstance(said, Battery):
             self.voltage = said.voltage
         elif isinstance(said, Pose | Inertial | Command) and self._in_turn(said, now):
@@ -197,9 +207,11 @@ class Readings:
                 self.refused["absurd"] += 1
             elif isinstance(said, Command):
                 self._compare(said.values)
-                self._command, self._command_at = said, now
+                self._command = said
+                self._command_at = now
             elif isinstance(said, Pose):
-                self._poses[said.kind], self._taken[said.kind] = said, now
+                self._poses[said.kind] = said
+                self._taken[said.kind] = now
             else:
                 kept = [one for one in self._inertial if said.stamp - one.stamp <= 2 * SPAN]
                 self._inertial = [*kept, said]
@@ -208,11 +220,14 @@ class Readings:
         """Return what is known at our time [s]."""
         poses = self._newest(now)
         ages = [max(self._age(pose, now), 0.0) for pose in poses]
-        x, age, acceleration = np.full(13, np.nan), max(ages, default=np.inf), np.full(6, np.nan)
+        x = np.full(13, np.nan)
+        age = max(ages, default=np.inf)
+        acceleration = np.full(6, np.nan)
         for pose in poses:
             x = np.where(np.isnan(pose.x), x, pose.x)
         x[Q] /= np.linalg.norm(x[Q])
-        limit, problem = self._config.stale_after, ""
+        limit = self._config.stale_after
+        problem = ""
         is_felt = bool(self._inertial) and self._age(self._inertial[-1], now) <= limit
         if now - self._heard > self._config.heartbeat_lost:
             problem = "no heartbeat of an autopilot"
@@ -228,7 +243,8 @@ class Readings:
         if age < FORGOTTEN:
             self.ages.append(age)
             _bring(x, np.nan_to_num(acceleration), ages[0], ages[-1])
-        in_force, as_felt = np.full(4, np.nan), False
+        in_force = np.full(4, np.nan)
+        as_felt = False
         if now - self._command_at <= limit:
             in_force = self._command.values
             as_felt = is_felt and (
@@ -278,12 +294,14 @@ class Readings:
         if isinstance(said, Inertial):
             fastest = 2 * self._config.max_rate
             return not (np.linalg.norm(said.f) <= HARDEST and np.linalg.norm(said.w) <= fastest)
-        own, x = OWN[said.kind], said.x
+        own = OWN[said.kind]
+        x = said.x
         if not np.isfinite(x[own]).all() or (own[3] and abs(np.linalg.norm(x[Q]) - 1) > 0.1):
             return True
         if own[0] and np.linalg.norm(x[V]) > 2 * self._config.max_speed:
             return True
-        before, since = self._poses.get(said.kind), now - self._taken.get(said.kind, -np.inf)
+        before = self._poses.get(said.kind)
+        since = now - self._taken.get(said.kind, -np.inf)
         if before is None or not own[0] or since > FORGOTTEN:
             return False
         stamps = said.stamp - before.stamp  # by its clock, which may jump
@@ -427,7 +445,8 @@ class Phases:
     def _next(
         self, now: float, problem: str, engaged: bool, in_order: float, config: OffboardConfig
     ) -> tuple[Phase, str]:
-        phase, over = self.phase, now - self.fault_since >= config.level - 1e-9
+        phase = self.phase
+        over = now - self.fault_since >= config.level - 1e-9
         if phase is Phase.WAITING and not engaged and not problem and in_order >= config.settle:
             return Phase.READY, "all is in order"
         if not phase.sends:

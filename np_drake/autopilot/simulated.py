@@ -14,13 +14,17 @@ from np_drake.vehicle.vehicle import RateLoop, ThrottleMap
 # s
 LOST = 0.5
 # how long commands have come when the pilot hands over, and the longest gap meanwhile [s]
-ALIVE, GAP = 1.5, 0.2
+ALIVE = 1.5
+GAP = 0.2
 # after a hand-over, in which what is in force is not told [s]; source: PX4's ATTITUDE_TARGET stream
 QUIET = 0.5
 HEARTBEAT = 1.0  # between two [s]; source: MAVLink's heartbeat protocol
 EVERY = 0.01  # between two states [s]
 BOOT = 7.0  # its clock at the beginning [s]
-STIFFNESS, DAMPING, INTEGRAL = 4.0, 3.0, 1.5  # of the hold [1/s², 1/s, 1/s³]; source: own choice
+# of the hold [1/s², 1/s, 1/s³]; source: own choice
+STIFFNESS = 4.0
+DAMPING = 3.0
+INTEGRAL = 1.5
 MOST = 4.0  # largest acceleration of the hold [m/s²]; source: own choice
 # share by which a battery's voltage may differ from that of the map [1]; source: own choice
 BELIEVED = 0.3
@@ -35,7 +39,8 @@ class SimulatedAutopilot:
     """
 
     def __init__(self, vehicle: Vehicle):
-        self._vehicle, self._loop = vehicle, vehicle.rate_loop or RateLoop()
+        self._vehicle = vehicle
+        self._loop = vehicle.rate_loop or RateLoop()
         self.codec = Codec(AUTOPILOT)
         self.boot = BOOT  # its clock less the simulation's [s]
         self.engaged = False
@@ -44,9 +49,11 @@ class SimulatedAutopilot:
         # by the companion, which must fall silent before the pilot hands over again
         self.asked_to_hold = False
         self._told: Command | None = None
-        self._told_at, self._alive_since = -np.inf, np.inf
+        self._told_at = -np.inf
+        self._alive_since = np.inf
         self._place: np.ndarray | None = None
-        self._sum, self._stepped = np.zeros(3), 0.0
+        self._sum = np.zeros(3)
+        self._stepped = 0.0
         self._next_state = self._next_heartbeat = 0.0
         self.in_force = np.zeros(4)  # thrust and body rates [N, rad/s]
 
@@ -56,14 +63,17 @@ class SimulatedAutopilot:
             if isinstance(said, Command) and np.isfinite(said.values).all():
                 self._alive_since = t if t - self._told_at > GAP else min(self._alive_since, t)
                 self.asked_to_hold = self.asked_to_hold and t - self._told_at <= GAP
-                self._told, self._told_at = said, t
+                self._told = said
+                self._told_at = t
             elif isinstance(said, HoldPlace):
                 self.hold()
                 self.asked_to_hold = True
 
     def hold(self) -> None:
         """Take over, and hold the place."""
-        self.engaged, self._place, self._alive_since = False, None, np.inf
+        self.engaged = False
+        self._place = None
+        self._alive_since = np.inf
 
     def step(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return collective thrust and body rates (4,) in force from a time [s] on, at a state
@@ -88,7 +98,8 @@ class SimulatedAutopilot:
         """Return what is due at a time [s], at a state (13,) and [a in W, al in B] (6,)
         [m/s², rad/s²].
         """
-        out, stamp = b"", self.boot + t
+        out = b""
+        stamp = self.boot + t
         if t >= self._next_heartbeat - 1e-9:
             self._next_heartbeat = t + HEARTBEAT
             out += self.codec.heartbeat(self.engaged)
@@ -104,7 +115,8 @@ class SimulatedAutopilot:
     def _hold(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return thrust and body rates (4,) that hold the place where the hold began [N, rad/s]."""
         if self._place is None:
-            self._place, self._sum = x[P].copy(), np.zeros(3)
+            self._place = x[P].copy()
+            self._sum = np.zeros(3)
         off = x[P] - self._place
         self._sum = np.clip(self._sum + (t - self._stepped) * off, -1.0, 1.0)
         self._stepped = t

@@ -13,7 +13,12 @@ from np_drake.vehicle import Vehicle
 
 TARGET_SIZE = 16  # p, v, a, w, dw/dt and heading [1]
 # Where each part of a target lies: p, v, a in W; angular rate and acceleration in B; heading.
-P, V, A, W, AL, YAW = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15), 15
+P = slice(0, 3)
+V = slice(3, 6)
+A = slice(6, 9)
+W = slice(9, 12)
+AL = slice(12, 15)
+YAW = 15
 
 
 @dc.dataclass(frozen=True)
@@ -93,7 +98,8 @@ def _thrust_direction(gravity: float, gains: CascadeGains, force: np.ndarray) ->
     Adds gravity to `force` in place and keeps the tilt in bounds.
     """
     force[2] = max(force[2] + gravity, gains.least_lift * gravity)
-    lateral, most = math.hypot(force[0], force[1]), force[2] * math.tan(gains.most_tilt)
+    lateral = math.hypot(force[0], force[1])
+    most = force[2] * math.tan(gains.most_tilt)
     if lateral > most:
         force[:2] *= most / lateral
     return force / math.sqrt(float(force @ force))

@@ -58,7 +58,8 @@ from np_drake.vehicle.published import published_priors
 from np_drake.vehicle.rotor_layout import RotorName
 from np_drake.vehicle.vehicle import VOLTAGE_SCATTER, PowerMap
 
-AXES, BATTERY = ("roll", "pitch", "yaw"), (ThrustScale, BatterySag)
+AXES = ("roll", "pitch", "yaw")
+BATTERY = (ThrustScale, BatterySag)
 SENSORS = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
 LEANING = 2  # last columns of the airframe: thrust that leans to x and y
 
@@ -70,7 +71,9 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
     Of a number for which the file states an interval, the deviation is that of the interval, but
     not less than 1e-3 of that of healthy vehicles.
     """
-    vehicle, span, mass = e.vehicle, arm(e.vehicle), e.vehicle.mass
+    vehicle = e.vehicle
+    span = arm(e.vehicle)
+    mass = e.vehicle.mass
     if not tolerance.unmeasured:
         return []
 
@@ -185,15 +188,19 @@ def of_battery(e: FlightResiduals) -> list[Deviation]:
     """
     if e.log.input != "normalised":
         return []
-    volts, charge, sag = voltage_of(e.log), SPREAD.unknown_charge, SPREAD.sag
-    known, away = e.log.throttle_map, 0.0
+    volts = voltage_of(e.log)
+    charge = SPREAD.unknown_charge
+    sag = SPREAD.sag
+    known = e.log.throttle_map
+    away = 0.0
     if volts is not None and not (isinstance(known, PowerMap) and known.volts is None):
         # The power of a voltage that falls is known to a third: thrust falls by so much more or
         # less. So it does with another battery.
         fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
         usual = known.volts if isinstance(known, PowerMap) else float(np.median(volts))
         away = VOLTAGE_SCATTER * float(np.log(np.median(volts) / usual))
-        charge, sag = SPREAD.charge, float(np.hypot(SPREAD.known_sag, fall))
+        charge = SPREAD.charge
+        sag = float(np.hypot(SPREAD.known_sag, fall))
     if isinstance(known, PowerMap):
         # Flights that agree tell that thrust over throttle scatters less: inverse gamma.
         squares = FREEDOM * charge**2 + known.scatter
@@ -238,7 +245,8 @@ def vehicle_columns(
 
     # A force in proportion to the velocity along the same axis is linear drag, an effect; unless it
     # does not grow with rotor speed as that does.
-    velocity, first = (f"{PREFIX}velocity",), np.cumsum([0] + [c.size for c in groups])
+    velocity = (f"{PREFIX}velocity",)
+    first = np.cumsum([0] + [c.size for c in groups])
     own_axis = [
         first[k] + 7 * axis
         for k, c in enumerate(groups)
@@ -258,7 +266,8 @@ def vehicle_columns(
     most = np.maximum(1.0, np.sqrt(np.mean(np.sum(flown**2, axis=1), axis=0)))
 
     def of_air(e: FlightResiduals) -> np.ndarray:
-        columns, leaning = smooth(e) / most, np.zeros((*e.y.shape, LEANING))
+        columns = smooth(e) / most
+        leaning = np.zeros((*e.y.shape, LEANING))
         slower = 1.0 - np.sqrt(np.maximum(e.nominal[:, 2], 0.0) / e.weight)
         columns[..., own_axis] *= slower[:, None, None]
         leaning[:, 0, 0] = leaning[:, 1, 1] = SPREAD.mounting * e.nominal[:, 2]
@@ -273,7 +282,8 @@ def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
     """
     fixed = tuple(e for e in in_flight(flight.vehicle) if not isinstance(e, ActuatorEffect))
     given = predicted_residual(flight, [Term(effect) for effect in fixed])
-    wrench, y = given[:, WRENCH], flight.known(flight.y - given)
+    wrench = given[:, WRENCH]
+    y = flight.known(flight.y - given)
     return dc.replace(flight, y=y, nominal=flight.nominal + wrench, fixed=fixed, given=wrench)
 
 
@@ -407,7 +417,8 @@ def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> li
     found = []
     for e in flights:
         scaled = dc.replace(e, torque_gain=tuple(gain.tolist()))
-        y, nominal = e.y.copy(), e.nominal * scaled.shown
+        y = e.y.copy()
+        nominal = e.nominal * scaled.shown
         y[:, WRENCH] += e.nominal - nominal
         found.append(dc.replace(scaled, y=e.known(y), nominal=nominal))
     return found
@@ -453,13 +464,15 @@ def differences(
     Where the file describes the vehicle that flew: the map of its throttle alone, if that is the
     input.
     """
-    found, vehicle = list[Difference](), flights[0].vehicle
+    found = list[Difference]()
+    vehicle = flights[0].vehicle
     rotors = named_rotors([e.log for e in flights], vehicle)
     for k, f in enumerate(fit.free):
         i = f.term - len(fit.terms)
         if i < 0 or f.flight:
             continue
-        effect, d = fit.calibration[i].effect, fit.allowed[i]
+        effect = fit.calibration[i].effect
+        d = fit.allowed[i]
         sigma = float(np.sqrt(fit.covariance[k, k]))
         p = next(p for p in effect.parameters if p.name == f.name)
         if isinstance(effect, ThrottleCurve):
@@ -483,11 +496,13 @@ def _throttle_map(
     d: Deviation, p: Parameter, nominal: float, curve: float, sigma: float
 ) -> Difference:
     """Return the power of throttle with which thrust goes, over that of the nominal map."""
-    value, half = nominal * (1 + curve), SURE * nominal * sigma
+    value = nominal * (1 + curve)
+    half = SURE * nominal * sigma
     text = "the power of throttle in thrust is hardly told"
     if half < HARDLY * value:
         text = f"thrust goes with the power {number(value, 3)} of throttle"
-    away, spread = value - nominal, THROTTLE_CURVE * nominal
+    away = value - nominal
+    spread = THROTTLE_CURVE * nominal
     return Difference(f"{d.name}.{p.name}", text, away, "1", spread, (away - half, away + half))
 
 
@@ -547,7 +562,8 @@ def _difference(
     """Return a departure from the neutral value in words."""
     rotor = rotors[round(d.fixed["rotor"]) - 1] if "rotor" in d.fixed else ""
     unit, text = departure(p, value, rotor, shares=d.effect.shares)
-    half, spread = SURE * sigma, float(d.deviation[p.name])
+    half = SURE * sigma
+    spread = float(d.deviation[p.name])
     return Difference(
         f"{d.name}.{p.name}",
         text,

@@ -127,7 +127,8 @@ def columns_of(
         parameters = {p.name: p for p in d.effect.parameters}
         for name, deviation in d.deviation.items():
             p = parameters[name]
-            step, usual = deviation * (part if d.effect.place == "mass" else 1.0), d.usual(p)
+            step = deviation * (part if d.effect.place == "mass" else 1.0)
+            usual = d.usual(p)
             step = min(step, p.upper - usual) or max(-step, p.lower - usual)
             moved = Term(d.at(**{name: usual + step}))
             out.append(predicted_residual(e, [moved], stages) * (deviation / step))

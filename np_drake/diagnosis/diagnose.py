@@ -109,7 +109,8 @@ class Inference:
     @cached_property
     def left(self) -> Remainder:
         """What the causes leave of the held-out gap."""
-        said, ranking = [*self.structures, self.slow], self.ranking
+        said = [*self.structures, self.slow]
+        ranking = self.ranking
         return measure_remainder(self.causes, ranking.noise, self.held, said, ranking.options)
 
     @property
@@ -123,7 +124,8 @@ def conclude(found: Ranking, held_out: Sequence[FlightResiduals]) -> Inference:
     effects are causes.
     """
     ranking = rank_models(found)
-    held, linear = _held_out(ranking, held_out), LinearModel(ranking)
+    held = _held_out(ranking, held_out)
+    linear = LinearModel(ranking)
     _, structure = linear.select_structure()
     structures, slow = find_unexplained(ranking, linear, structure, held)
     # The drift of an estimator that nobody measured is neither told from gusts nor from a force
@@ -131,7 +133,8 @@ def conclude(found: Ranking, held_out: Sequence[FlightResiduals]) -> Inference:
     if slow.probability > 0.5 and not ranking.options.tolerance.unmeasured:
         # Gusts do not depend on position alike in all flights.
         every = [*ranking.problem.flights, *(e for e in held.flights if not e.joined.any())]
-        rest, begins = residuals_of(ranking, held), dict.fromkeys([e.name for e in every])
+        rest = residuals_of(ranking, held)
+        begins = dict.fromkeys([e.name for e in every])
         if position_p_value(every, rest, begins) < ranking.options.thresholds.position_p_value:
             slow = slow._replace(finding=PLACE)
         else:
@@ -150,8 +153,10 @@ def as_named(found: Inference) -> Inference:
     delay that the logs leave open is calibration too. A cause that predicted beside what is not
     named alone is none: each must predict given the others.
     """
-    named, ranking = {c.identifier for c in found.causes}, found.ranking
-    vehicle, options = ranking.problem.flights[0].vehicle, ranking.options
+    named = {c.identifier for c in found.causes}
+    ranking = found.ranking
+    vehicle = ranking.problem.flights[0].vehicle
+    options = ranking.options
     effects = [t.effect for t in ranking.best.terms]
     untold = {f.name for f in found.below_threshold if "timing" in f.figures}
     open_ = frozenset(
@@ -187,7 +192,9 @@ def as_named(found: Inference) -> Inference:
 
 def _held_out(ranking: Ranking, held_out: Sequence[FlightResiduals]) -> HeldOut:
     """Return the best fit on held-out flights, calibrated and with their outliers marked."""
-    best, noise, options = ranking.best, ranking.noise, ranking.options
+    best = ranking.best
+    noise = ranking.noise
+    options = ranking.options
     own = [with_calibration(best, e, noise, options) for e in held_out]
     marked = [mark_outliers(best.terms, e, noise, options.priors, best.calibration) for e in own]
     return on_held_out(best, marked, noise, options)
@@ -204,7 +211,8 @@ def _in_gusts(
     None where it can be no wind.
     """
     if (with_one := with_drag(ranking)) is not ranking:
-        ranking, linear = with_one, LinearModel(with_one)
+        ranking = with_one
+        linear = LinearModel(with_one)
     held = on_held_out(ranking.best, held.flights, ranking.noise, ranking.options)
     causes, minor = decide(ranking, linear.margins(structure), held, gusts=True)
     causes = with_gusts(ranking, held, causes, probability)
@@ -269,13 +277,15 @@ def diagnose(
     require_flights(train, held_out, before)
     alike, unread = with_same_readings([*train, *held_out])
     alike = with_neighbours([*before, *alike], neighbours or {}, vehicle.rotor_radius)
-    first, second = len(before), len(before) + len(train)
+    first = len(before)
+    second = len(before) + len(train)
     parts = [long_enough(logs) for logs in (alike[:first], alike[first:second], alike[second:])]
     before, train, held_out = (logs for logs, _ in parts)
     short = [line for _, lines in parts for line in lines]
     # The file describes the vehicle as it was before, where that is given: it carries its weight
     # there.
-    train, file = [*before, *train], vehicle
+    train = [*before, *train]
+    file = vehicle
     known = len(before) or len(train)
     since = [*train[known:], *held_out]
     vehicle, was, since = with_hover_thrust(
@@ -299,7 +309,8 @@ def diagnose(
         e.knows_torque for e in (*fitted, *judging)
     ):
         gain = torque_gain(fitted)
-        fitted, judging = with_torque_gain(fitted, gain), with_torque_gain(judging, gain)
+        fitted = with_torque_gain(fitted, gain)
+        judging = with_torque_gain(judging, gain)
     if not excited(excitation(fitted)):
         return dc.replace(
             unexcited_diagnosis(fitted, judging), doubts=doubted, wall=time.perf_counter() - start
@@ -335,7 +346,8 @@ def voltage_change(before: Sequence[FlightLog], since: Sequence[FlightLog]) -> t
     """Return the battery's voltage before and since as a sentence, where thrust differs by it as
     much as by its charge; else none.
     """
-    was, now = usual_voltage(before), usual_voltage(since)
+    was = usual_voltage(before)
+    now = usual_voltage(since)
     if was is None or now is None or VOLTAGE * abs(np.log(now / was)) < SPREAD.charge:
         return ()
     return (
@@ -371,7 +383,8 @@ def split_flights(
     """Return the first halves of flights as flights of their own, and all flights with these rows
     marked as joined.
     """
-    halves, judges = [], []
+    halves = []
+    judges = []
     for e in flights:
         log = e.log
         middle = 0.5 * (log.t[0] + log.t[-1])
@@ -398,8 +411,12 @@ def _answer(
     lies, how far; halves: of held-out flights, which joined the fit.
     """
     found = as_named(found)
-    flights, held, options = found.ranking.problem.flights, found.held, found.ranking.options
-    best, noise, judging = found.ranking.best, found.ranking.noise, held.flights
+    flights = found.ranking.problem.flights
+    held = found.held
+    options = found.ranking.options
+    best = found.ranking.best
+    noise = found.ranking.noise
+    judging = held.flights
     causes, late = without_late_onsets(
         found.causes, {e.name: float(e.log.t[-1]) for e in (*flights, *judging)}
     )
@@ -427,7 +444,8 @@ def _answer(
             flights[0].vehicle,
             options,
         )
-        causes, late = [*causes, *told.causes], [*late, *told.findings]
+        causes = [*causes, *told.causes]
+        late = [*late, *told.findings]
         visible |= told.visible
     answer = Diagnosis(
         vehicle=flights[0].vehicle.name,

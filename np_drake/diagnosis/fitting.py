@@ -72,13 +72,15 @@ def free_parameters(
         own = known.get(i)
         for p in term.effect.parameters:
             if own is not None and p.name in own.deviation:
-                scale, middle = own.deviation[p.name], own.usual(p)
+                scale = own.deviation[p.name]
+                middle = own.usual(p)
                 upper = max(p.upper, middle + WIDE * scale)
                 found.append(Free(i, p.name, scale, middle, p.lower, upper))
             elif own is None and not p.choices:
                 scale = width * usual_size(p, vehicle)
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
-        scale, upper = width * usual_size(MASS, vehicle), MASS.upper
+        scale = width * usual_size(MASS, vehicle)
+        upper = MASS.upper
         for k in np.flatnonzero(term.loads).tolist():
             found.append(Free(i, LOADS, scale, 0.0, 0.0, upper, entry=k))
         for e in flights if term.effect.has_hidden_state else ():
@@ -245,9 +247,11 @@ def refine(
     scale, neutral, lower, upper = (
         np.array([(f.scale, f.neutral, f.lower, f.upper) for f in free]).reshape(-1, 4).T
     )
-    root, n = 1.0 / np.sqrt(temperature), len(free)
+    root = 1.0 / np.sqrt(temperature)
+    n = len(free)
     white = white or WhiteNuisance(flights, linear, noise, root)
-    k, rows = len(white.gram), max((own.stop for own in white.rows.values()), default=0)
+    k = len(white.gram)
+    rows = max((own.stop for own in white.rows.values()), default=0)
     # The prior is a block of rows W z ~ N(0, 1), so that least squares on all rows gives the
     # maximum a posteriori.
     W = prior_whitening(everything, free)
@@ -264,10 +268,13 @@ def refine(
 
     def normal(z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         now = write(everything, free, z[:n] * scale)
-        H, g = np.zeros((n + k, n + k)), np.concatenate([W.T @ r[rows : rows + n], r[rows + n :]])
-        H[:n, :n], H[n:, n:] = W.T @ W, white.gram
+        H = np.zeros((n + k, n + k))
+        g = np.concatenate([W.T @ r[rows : rows + n], r[rows + n :]])
+        H[:n, :n] = W.T @ W
+        H[n:, n:] = white.gram
         for e in flights:
-            (X, at), own = white.columns[e.name], r[white.rows[e.name]]
+            X, at = white.columns[e.name]
+            own = r[white.rows[e.name]]
             J = derivatives[e.name] = root * e.white(noise, scaled_jacobian(now, free, e)).reshape(
                 len(own), n
             )
@@ -278,7 +285,8 @@ def refine(
         H[n:, :n] = H[:n, n:].T
         return H, g
 
-    lower, upper = lower / scale, upper / scale
+    lower = lower / scale
+    upper = upper / scale
     start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
     wide = np.full(k, 20.0)  # bounds of linear coefficients, in deviations of their prior
     best = minimise(
@@ -295,9 +303,11 @@ def refine(
     block = max(1, round(BLOCK / flights[0].grid.step)) * noise.phi.shape[0]
     scores = []
     for e in flights:
-        (X, at), own = white.columns[e.name], best.residual[white.rows[e.name]]
+        X, at = white.columns[e.name]
+        own = best.residual[white.rows[e.name]]
         for a in range(0, len(own), block):
-            score, some = np.zeros(n + k), slice(a, a + block)
+            score = np.zeros(n + k)
+            some = slice(a, a + block)
             score[:n] = derivatives[e.name][some].T @ own[some]
             score[n + at] = X[some].T @ own[some]
             scores.append(score)
@@ -370,7 +380,8 @@ STEPS = 3  # points of an interval that are tried; own choice
 
 def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
     """Return the 95 % interval of a parameter of term i, from the covariance of the fit."""
-    value, half = float(getattr(fit.terms[i].effect, name)), half_width(fit, i, name)
+    value = float(getattr(fit.terms[i].effect, name))
+    half = half_width(fit, i, name)
     return value - half, value + half
 
 
@@ -395,7 +406,8 @@ def greatest_height(flights: Sequence[FlightResiduals]) -> float:
 def at_its_bound(effect: Effect) -> bool:
     """Return whether a parameter lies at a physical bound that is not its neutral value."""
     for p in effect.parameters:
-        value, edge = float(getattr(effect, p.name)), EDGE * (p.upper - p.lower)
+        value = float(getattr(effect, p.name))
+        edge = EDGE * (p.upper - p.lower)
         ends = value <= p.lower + edge or value >= p.upper - edge
         if ends and not p.choices and abs(value - p.neutral) > edge:
             return True
@@ -438,7 +450,8 @@ def refit(
     """
     noise = noise or problem.noise
     terms = _terms_at_posterior(problem, model)
-    starts, kind = [terms], [(type(t.effect), t.onset, t.changes) for t in terms]
+    starts = [terms]
+    kind = [(type(t.effect), t.onset, t.changes) for t in terms]
     if known is not None and [(type(t.effect), t.onset, t.changes) for t in known.terms] == kind:
         starts = (
             [list(known.terms), terms]
@@ -455,7 +468,8 @@ def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
     A swing starts as it suits the posterior's other parameters, flight by flight, under white
     noise.
     """
-    flights, terms = problem.flights, _terms_at_posterior(problem, model)
+    flights = problem.flights
+    terms = _terms_at_posterior(problem, model)
     if not any(t.effect.has_hidden_state for t in terms):
         return refit(problem, model, None, iterations=iterations)
     same_scale = scale_only(
@@ -482,7 +496,8 @@ def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseMode
         fit: a `refit` with this noise.
     """
     for _ in range(AGAIN if any(t.effect.has_hidden_state for t in fit.terms) else 0):
-        before, fit = fit, _descend(problem, model, list(fit.terms), noise, ITERATIONS)
+        before = fit
+        fit = _descend(problem, model, list(fit.terms), noise, ITERATIONS)
         if fit.log_evidence < before.log_evidence + 1.0:
             return max(before, fit, key=lambda f: f.log_evidence)
     return fit

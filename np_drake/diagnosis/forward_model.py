@@ -44,12 +44,8 @@ from np_drake.vehicle import Vehicle
 NEVER = float("inf")  # onset of an effect that is absent from a flight [s]
 STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
 MOST_JUMPS = 4  # in a flight; sampled motion does not show how a snap changes the swing
-PENDULUM = {
-    "mass": 1.0,
-    "length": 0.4,
-    "hook": 0.05,
-    "damping": 0.5,
-}  # errors over that of the mass [1, 1, m, 1/s]
+# errors over that of the mass [1, 1, m, 1/s]
+PENDULUM = {"mass": 1.0, "length": 0.4, "hook": 0.05, "damping": 0.5}
 
 
 @dc.dataclass(frozen=True)
@@ -101,7 +97,8 @@ def pendulum_error(
         unsure: standard deviation of the damping [1/s]; None: the vehicle is measured.
     Source: own choice, from errors in simulated flights; w from momentum theory.
     """
-    kind, value = name.split("_")[0], float(getattr(payload, name))
+    kind = name.split("_")[0]
+    value = float(getattr(payload, name))
     own = priors.pendulum * PENDULUM[kind]
     if kind in ("hook", "damping"):
         return 1.0, own
@@ -272,8 +269,11 @@ def needed_wrench(
         added: (m, 6) wrench in B in addition to the nominal one [N, N·m].
         ahead: (m, 4) thrust and torques at rows less their mean around the rows [N, N·m].
     """
-    vehicle, w, c = flight.vehicle, flight.w, np.asarray(real.p_BoBcm_B, float)
-    lever, turned = attitude.skew(c).T, np.linalg.inv(real.J).T
+    vehicle = flight.vehicle
+    w = flight.w
+    c = np.asarray(real.p_BoBcm_B, float)
+    lever = attitude.skew(c).T
+    turned = np.linalg.inv(real.J).T
     gyroscopic = np.cross(w, w @ real.J.T)
 
     def angular(F: np.ndarray, tau: np.ndarray) -> np.ndarray:
@@ -281,8 +281,10 @@ def needed_wrench(
 
     rotors = flight.nominal / flight.shown - flight.given
     wrench = rotors + added
-    F, tau = wrench[:, :3], wrench[:, 3:]
-    s, at_mids = F / real.mass, F
+    F = wrench[:, :3]
+    tau = wrench[:, 3:]
+    s = F / real.mass
+    at_mids = F
     if c.any():
         at_mids = F - ahead[:, :1] * [0.0, 0.0, 1.0]
         if vehicle.logged_point == "origin":
@@ -302,7 +304,8 @@ def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray
     """
     if not effect.small:
         return _exact(flight, effect)
-    known, kind = flight.small_errors, type(effect)
+    known = flight.small_errors
+    kind = type(effect)
     if kind not in known:
         units = [{p.name: p.typical} for p in kind.parameters]
         none = kind.neutral().values
@@ -312,7 +315,8 @@ def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray
 
 
 def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
-    log, y = flight.log, np.zeros_like(flight.y)
+    log = flight.log
+    y = np.zeros_like(flight.y)
     if not effect.corrupts or effect.clock_shift:
         return y
     a = np.zeros((len(log), 3)) if log.a is None else log.a
@@ -321,7 +325,8 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
     truth = true_measurement(flight.vehicle, logged, [effect])
     read = effect.measure(flight.vehicle, truth, np.zeros((len(log), 0)))
     onto = Resampler.of_instants(flight.grid, log.t) if log.a is None else flight.from_rows
-    mass, moved = flight.vehicle.mass, read.x - truth.x
+    mass = flight.vehicle.mass
+    moved = read.x - truth.x
     if moved[:, V].any():
         y[:, POSITION] = -onto(attitude.rotate_back(truth.x[:, Q], moved[:, V]))
         dv_W = np.diff(moved[:, V], axis=0) / np.diff(log.t)[:, None]
@@ -332,14 +337,13 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
             y[:, VELOCITY] = rate
     if moved[:, W].any():
         dw = flight.from_mids(0.5 * (moved[1:, W] + moved[:-1, W]))
-        J, w, rate = (
-            flight.vehicle.J,
-            flight.w - dw,
-            np.diff(moved[:, W], axis=0) / np.diff(log.t)[:, None],
-        )
+        J = flight.vehicle.J
+        w = flight.w - dw
+        rate = np.diff(moved[:, W], axis=0) / np.diff(log.t)[:, None]
         y[:, TORQUE] = flight.gyroscopic - np.cross(w, w @ J.T) + flight.from_mids(rate) @ J.T
         y[:, ATTITUDE] = -dw
-    turned, biased = bool(moved[:, Q].any()), log.a is not None and bool(np.any(read.a != truth.a))
+    turned = bool(moved[:, Q].any())
+    biased = log.a is not None and bool(np.any(read.a != truth.a))
     if turned:
         y[:, ATTITUDE] += flight.from_mids(_turn_rate(log.t, read) - _turn_rate(log.t, truth))
     if turned or biased:
@@ -391,7 +395,8 @@ def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> 
         logged = Measurement(read.x, read.a, none[:, :3], none)
         return dc.replace(read, x=true_measurement(flight.vehicle, logged, acting).x)
 
-    rows, mids = before(flight.rows), before(flight.mids)
+    rows = before(flight.rows)
+    mids = before(flight.mids)
     dw = flight.from_mids(flight.mids.x[:, W] - mids.x[:, W])
     return dc.replace(flight, rows=rows, mids=mids, w=flight.w - dw)
 
@@ -437,7 +442,8 @@ def predicted_residual(
 
     It is beyond what the fixed effects of the flight leave, with which they act.
     """
-    stages, fixed = {} if stages is None else stages, [Term(effect) for effect in flight.fixed]
+    stages = {} if stages is None else stages
+    fixed = [Term(effect) for effect in flight.fixed]
     left = _left_by(flight, [*fixed, *terms], stages)
     return left - _once(stages, (), _left_by, flight, fixed, stages) if fixed else left
 
@@ -480,7 +486,9 @@ def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: Stages) -> 
             swung = [dc.replace(term, hidden={flight.name: way}) for way in ways]
             added = added + swing_wrenches(flight, swung).mean(axis=1)
     # share (m,): of the part of dv/dt - a along the thrust that is not nominal [m/s²].
-    needed, share, vehicle = added, np.ones(len(flight.t)), flight.vehicle
+    needed = added
+    share = np.ones(len(flight.t))
+    vehicle = flight.vehicle
     for onset, effects in _acting(flight, terms, MassEffect):
         real = MassProperties.of(vehicle)
         for effect in effects:
@@ -525,7 +533,8 @@ class Turned(NamedTuple):
 
 def _turned(flight: FlightResiduals, terms: Sequence[Term]) -> Turned:
     """Return the response; effects that begin later are switched in at their onset."""
-    log, vehicle = flight.log, flight.vehicle
+    log = flight.log
+    vehicle = flight.vehicle
     ordered = sorted(terms, key=lambda t: _place_in_chain(t.effect))
     shift = sum(t.effect.clock_shift for t in terms if isinstance(t.effect, SensorEffect))
     acting = dict(_acting(flight, ordered, ActuatorEffect))
@@ -550,7 +559,8 @@ def _turned(flight: FlightResiduals, terms: Sequence[Term]) -> Turned:
     at_mids = flight.from_mids(np.column_stack([du_mids, after]))
     at_rows = at_mids[:, :4] if log.a is None else flight.from_rows(du_rows)
     wrench = np.zeros((len(flight.t), 6))
-    wrench[:, 2], wrench[:, 3:] = at_rows[:, 0], at_mids[:, 1:4]
+    wrench[:, 2] = at_rows[:, 0]
+    wrench[:, 3:] = at_mids[:, 1:4]
     ahead = flight.ahead + at_rows - at_mids[:, :4]
     at_torque = mids, rate
     at_force = at_torque if log.a is None else (rows, np.concatenate([rate, rate[-1:]]))
@@ -587,7 +597,8 @@ def _motions(
     """
 
     def at(instants: Instants, x: np.ndarray, f: np.ndarray, rate: np.ndarray) -> Motion:
-        t, still = instants.t, np.zeros((len(instants.t), 3))
+        t = instants.t
+        still = np.zeros((len(instants.t), 3))
         wind = sum(
             (effect.air_velocity(t) * gate(t, begin) for effect, begin in winds), start=still
         )

@@ -111,7 +111,8 @@ def _regimes(
         bins = np.clip(np.digitize(value, edges) - 1, 0, len(edges) - 2)
         name, _, unit = key.removesuffix("]").partition(" [")
         for i in np.unique(bins):
-            some, bounds = bins == i, (float(edges[i]), float(edges[i + 1]))
+            some = bins == i
+            bounds = (float(edges[i]), float(edges[i + 1]))
             rms = [
                 np.sqrt(np.mean(part[some] ** 2, axis=0)).tolist() for part in (before, residual)
             ]
@@ -249,9 +250,8 @@ def unexcited_diagnosis(
     )
 
 
-POSITION_SPAN = (
-    0.25  # half width of the parabola through the position that the velocity does not explain [s]
-)
+# half width of the parabola through the position that the velocity does not explain [s]
+POSITION_SPAN = 0.25
 VELOCITY_SPAN = 0.05  # half width of the cubic through the velocity [s]
 RATE_SPAN = 0.03  # half width of the cubic through the body rates [s]
 PAYLOAD_SPAN = 0.1  # half width of the local parabolas through velocity, force and direction [s]
@@ -273,7 +273,8 @@ class States:
         """
         if not np.any(p_BoLo_B):
             return self
-        x, q = self.x.copy(), self.x[:, Q]
+        x = self.x.copy()
+        q = self.x[:, Q]
         x[:, P] -= attitude.rotate(q, p_BoLo_B)
         x[:, V] -= attitude.rotate(q, np.cross(x[:, W], p_BoLo_B))
         return States(self.t, x)
@@ -303,7 +304,8 @@ def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     position, without the mean, is taken out. A constant offset is left: it is an effect to find.
     Source: complementary filter, run in both directions; the span is own choice.
     """
-    smooth, step = x.copy(), float(np.median(np.diff(t)))
+    smooth = x.copy()
+    step = float(np.median(np.diff(t)))
     smooth[:, Q], _ = smooth_attitude(t, x[:, Q], x[:, W])
     missed = x[:, P] - scipy.integrate.cumulative_trapezoid(x[:, V], t, axis=0, initial=0.0)
     slope = _local_polynomial(missed, step, POSITION_SPAN, order=2, derivative=1)
@@ -396,9 +398,8 @@ def replay_gap(errors: np.ndarray, horizons: tuple[float, ...]) -> ReplayGap:
 
 
 LEAD = 0.5  # commands before a replay that motors and delays need [s]
-LEAST_REPLAYED = (
-    3.0  # least time after a cause begins; else all of the flight is replayed [s]; own choice
-)
+# least time after a cause begins; else all of the flight is replayed [s]; own choice
+LEAST_REPLAYED = 3.0
 
 
 def measure_gap_reduction(
@@ -423,7 +424,8 @@ def measure_gap_reduction(
     after = remaining_residual(causes, noise, held)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     if replay is not None:
-        effects, named = [], {c.identifier for c in causes}
+        effects = []
+        named = {c.identifier for c in causes}
         for c in causes:
             if c.effect is None:
                 continue
@@ -451,7 +453,9 @@ def with_held_out_gains(causes: Sequence[Cause], noise: NoiseModel, held: HeldOu
     each [1]; NaN where there is no gap.
     """
     nominal = pooled([e.against_file[held.rows[e.name]] for e in held.flights], noise)
-    every, gap, found = remaining_residual(causes, noise, held), nominal**2 - 1.0, []
+    every = remaining_residual(causes, noise, held)
+    gap = nominal**2 - 1.0
+    found = []
     for one in causes:
         rest = remaining_residual([c for c in causes if c is not one], noise, held)
         gain = (rest**2 - every**2) / gap if gap > LEAST_GAP else np.nan

@@ -25,7 +25,9 @@ from np_drake.effects.linear_drag import LinearDrag
 
 BIN = 0.1  # over which the force is averaged, to a whole number of rows [s]
 SPAN = 20.0  # what lies farther apart counts as independent [s]
-SHORTEST_TIME, LONGEST_TIME = 0.1, 20.0  # correlation time [s]
+# correlation time [s]
+SHORTEST_TIME = 0.1
+LONGEST_TIME = 20.0
 STEP = 0.02  # of the logarithms, for their curvature [1]
 
 
@@ -60,7 +62,8 @@ def wind_force(
     logarithms. Deviation and correlation time are those of the two level axes together.
     """
     pieces = [s for e in flights for s in spans(e, forces(e, residual[e.name]), begins.get(e.name))]
-    level, size_of_bin = [span[:, :2] for span in pieces], width(flights[0])
+    level = [span[:, :2] for span in pieces]
+    size_of_bin = width(flights[0])
     size = float(np.sqrt(np.mean(np.concatenate(level).var(axis=0))))
     start = np.log([size, 1.0, 0.3 * size])
     bounds = [
@@ -209,11 +212,8 @@ LAST = 1.0  # of a flight, in which no begin is looked for [s]
 LEAST_STILL = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
 ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
 SIZES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of that error, in tolerances [1]; own choice
-WHITES = (
-    0.6,
-    0.8,
-    1.0,
-)  # of a bin's noise, in what bins differ by from their neighbours' line [1]; own choice
+# of a bin's noise, in what bins differ by from their neighbours' line [1]; own choice
+WHITES = 0.6, 0.8, 1.0
 
 
 # When a wind begins [s] (None: from the start; infinite: not at all), and its -2 log likelihood.
@@ -241,9 +241,11 @@ def wind_onset(
         gain: least log likelihood that a better onset must bring.
     Source: likelihood of a change point; the two sides independent (own choice).
     """
-    bins, t = forces(e, residual)[:, :2], instants(e)
+    bins = forces(e, residual)[:, :2]
+    t = instants(e)
     here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
-    deviation, time = wind.deviation[0], wind.correlation_time[0]
+    deviation = wind.deviation[0]
+    time = wind.correlation_time[0]
     root = factor(len(t), width(e), deviation, time, wind.white, deviation)
     # A stationary process is the same backwards: one solution has those from every bin to the last.
     loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
@@ -306,7 +308,8 @@ def still_air_loss(
         noise = np.maximum(wind.white**2, power / np.maximum(count, 1))
         return power / noise + count * np.log(noise)
     size = e.weight * options.tolerance.attitude
-    (drift, _), spread = options.priors.attitude_drift, options.priors.attitude_spread
+    drift, _ = options.priors.attitude_drift
+    spread = options.priors.attitude_spread
     rough = np.sqrt(np.mean(np.diff(bins, 2, axis=0) ** 2) / 6)
     n = min(len(bins), round(SPAN / width(e)))
     return np.min(
@@ -460,7 +463,8 @@ def _onsets(
     A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it
     does: what a held-out one seems to show moves nothing in them.
     """
-    acts, effect = drag.onset, drag.effect
+    acts = drag.onset
+    effect = drag.effect
     assert isinstance(effect, LinearDrag)
     windy = {
         e.name: _without_drag(through_drag[e.name], e, effect, {}) for e in (*flights, *held_out)
@@ -489,7 +493,9 @@ def with_drag(ranking: Ranking) -> Ranking:
     The prior of the drag is that of generic structure. Where the slow force begins in flight, so
     may the drag.
     """
-    priors, problem, key = ranking.options.priors, ranking.problem, names_of_fit(ranking.best)
+    priors = ranking.options.priors
+    problem = ranking.problem
+    key = names_of_fit(ranking.best)
     known = next((m for m in ranking.models if names_of(problem, m) == key), None)
     if known is None or DRAG in key:
         return ranking
@@ -535,7 +541,8 @@ def with_gusts(
     ranking: Ranking, held: HeldOut, causes: list[Cause], probability: float
 ) -> list[Cause]:
     """Return the causes with gusts among them, where a drag was found through which they act."""
-    flights, through_drag = ranking.problem.flights, residuals_of(ranking, held)
+    flights = ranking.problem.flights
+    through_drag = residuals_of(ranking, held)
     for e in (*flights, *held.flights):
         terms = [
             t for t in held.terms.get(e.name, ranking.best.terms) if t.effect.identifier in GUSTY
@@ -550,12 +557,15 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
     causes: the gusts and the drag through which they act among them, each from when on it acts.
     """
     by_name = {c.identifier: c for c in causes}
-    gusts, drag = by_name[GustyWind.identifier], by_name[DRAG]
+    gusts = by_name[GustyWind.identifier]
+    drag = by_name[DRAG]
     assert gusts.effect is not None
     assert drag.effect is not None
-    terms, residual = dict(held.terms), dict(held.residual)
+    terms = dict(held.terms)
+    residual = dict(held.residual)
     for e in held.flights:
-        kept, given = held.terms[e.name][: held.effects], held.terms[e.name][held.effects :]
+        kept = held.terms[e.name][: held.effects]
+        given = held.terms[e.name][held.effects :]
         rest = [t for t in kept if t.effect.identifier not in GUSTY]
         terms[e.name] = [
             *rest,

@@ -35,7 +35,8 @@ from np_drake.diagnosis.swing_fit import SwingFit, fitted_to_whole_flight
 
 # Over which a hidden start is fitted, at least, and a swing anew after an outlier; these rows are
 # not scored [s].
-HIDDEN_SPAN, JUMP_SPAN = 2.0, 1.5
+HIDDEN_SPAN = 2.0
+JUMP_SPAN = 1.5
 
 
 def adapt(
@@ -95,7 +96,8 @@ def mark_outliers(
             found &= flight.t > flight.t[np.flatnonzero(flight.outliers)[-1]] + OUTLIERS_APART
         if not found.any():
             return dc.replace(marked, outliers=flight.outliers)
-        start, first = int(np.argmax(found)), np.zeros_like(found)
+        start = int(np.argmax(found))
+        first = np.zeros_like(found)
         first[start : start + int(np.argmin(np.append(found[start:], False)))] = True
         flight = dc.replace(flight, outliers=flight.outliers | first)
     return dc.replace(marked, outliers=flight.outliers | _outliers(terms, flight, noise, priors))
@@ -164,7 +166,8 @@ def _anchored(
     """Return the term, its swing fitted to the rows at its start, then every jump to those after
     the outlier.
     """
-    now, onset = list(terms), terms[i].begins(flight.name)
+    now = list(terms)
+    onset = terms[i].begins(flight.name)
     for k, rows in enumerate(hidden_state_rows(terms[i], flight)):
         fit = SwingFit(now, i, flight, noise, onset, rows, priors)
         swing = fit.descend_from_grid(fit.known, slice(k * STATE, (k + 1) * STATE))
@@ -232,13 +235,15 @@ def _span_by_span(
     Args:
         followed: (m, 15) the predicted residual with such a swing; rest: without the payload.
     """
-    trace, mass = followed.copy(), terms[i].effect.values["mass"]
+    trace = followed.copy()
+    mass = terms[i].effect.values["mass"]
     for start in np.arange(flight.t[0], flight.t[-1], HIDDEN_SPAN):
         rows = (flight.t >= start) & (flight.t < start + HIDDEN_SPAN)
         inside = rows[noise.phi.shape[1] :]
         if np.sum(inside) <= MOST_JUMPS * STATE:
             continue
-        onset, now = None if start == flight.t[0] else float(start), list(terms)
+        onset = None if start == flight.t[0] else float(start)
+        now = list(terms)
         least = np.sum(flight.white(noise, flight.y - followed)[inside] ** 2)
         for load in filter(None, (mass, *terms[i].loads)):
             heavy = dc.replace(terms[i].effect, mass=load)  # type: ignore[type-var]
@@ -248,7 +253,8 @@ def _span_by_span(
             alone = predicted_residual(flight, now)
             loss = np.sum(flight.white(noise, flight.y - alone)[inside] ** 2)
             if loss < least:
-                least, trace[rows] = loss, (rest + (alone - rest) * mass / load)[rows]
+                least = loss
+                trace[rows] = (rest + (alone - rest) * mass / load)[rows]
     return trace
 
 
@@ -304,8 +310,12 @@ def on_held_out(
     tether went slack, fades to the weight that hangs.
     Source: mean of a posterior; own choice: by Laplace's approximation, parameters kept.
     """
-    terms, residual, rows, whole = {}, {}, {}, {}
-    priors, unmeasured = options.priors, options.tolerance.unmeasured
+    terms = {}
+    residual = {}
+    rows = {}
+    whole = {}
+    priors = options.priors
+    unmeasured = options.tolerance.unmeasured
     for e in flights:
         known = adapt(fit.terms, e, noise, priors, fit.calibration, unmeasured=unmeasured)
         terms[e.name] = list(known)

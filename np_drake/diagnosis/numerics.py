@@ -85,7 +85,8 @@ class NoiseModel:
             values: (m, ...) of the channel.
             flight: name of the flight, whose `loudness` applies.
         """
-        phi, values = self.phi[channel], np.ascontiguousarray(values, float)
+        phi = self.phi[channel]
+        values = np.ascontiguousarray(values, float)
         driven = values[len(phi) :]
         if phi.any() and len(driven):
             driven = driven - sliding_window_view(values[:-1], len(phi), axis=0) @ phi[::-1]
@@ -102,7 +103,8 @@ class NoiseModel:
         size = sum(X.shape[-1] for X in columns)
         # X'Σ^-1 X summed over pairs of channels: the weight couples innovations of channels c and
         # d.
-        weight, out = self.weight, np.zeros((size, size))
+        weight = self.weight
+        out = np.zeros((size, size))
         parts = self._driven(columns, flight)
         for i, (c, some, own) in enumerate(parts):
             for d, others, beside in (part for part in parts[: i + 1] if weight[c, part[0]]):
@@ -173,7 +175,8 @@ def with_loudness(
     residuals: (m, c) of each flight, without their means.
     Source: feasible generalised least squares with one variance for each group.
     """
-    usual, loudness = np.sqrt(np.maximum(noise.innovation, 1e-300)), {}
+    usual = np.sqrt(np.maximum(noise.innovation, 1e-300))
+    loudness = {}
     for name, r in zip(flights, residuals, strict=True):
         own = [np.sqrt(np.mean(noise.driven_in(c, r[:, c]) ** 2)) for c in range(len(usual))]
         loudness[name] = np.where(noise.active, np.maximum(own / usual, quietest), 1.0)
@@ -213,9 +216,11 @@ def fit_noise(
     """
     smear = [inexact * (p - p.mean(axis=0)) for p in explained] if inexact else []
     residuals = [r - r.mean(axis=0) for r in residuals]
-    channels, total = residuals[0].shape[1], sum(len(r) for r in residuals)
+    channels = residuals[0].shape[1]
+    total = sum(len(r) for r in residuals)
     drift, sudden = (np.broadcast_to(rms, channels) ** 2.0 for rms in (slow, white))
-    phi, innovation = np.zeros((channels, ORDER)), np.zeros(channels)
+    phi = np.zeros((channels, ORDER))
+    innovation = np.zeros(channels)
     rms = np.sqrt(sum(np.sum(r**2, axis=0) for r in residuals) / total)
     rms[rms**2 < ACTIVE] = 0.0
     for c in np.flatnonzero(rms):
@@ -232,7 +237,8 @@ def fit_noise(
     driven = np.concatenate([plain.whiten(r) for r in [*residuals, *smear]])
     rows = total - ORDER * len(residuals)
     sudden = np.where(plain.active, sudden * (1 + np.sum(phi**2, axis=1)), 0.0)
-    covariance, mixing = driven.T @ driven / rows + np.diag(sudden), np.zeros((channels, channels))
+    covariance = driven.T @ driven / rows + np.diag(sudden)
+    mixing = np.zeros((channels, channels))
     index = np.ix_(plain.active, plain.active)
     scale = np.sqrt(np.diag(covariance[index]))
     correlation = covariance[index] / np.outer(scale, scale) + 1e-6 * np.eye(len(scale))
@@ -310,7 +316,8 @@ class Gram:
     ) -> np.ndarray:
         """Return the log evidence (n,) of sets that all have k columns."""
         index = np.stack([np.concatenate(groups) for groups in sets])
-        XX, Xy = self.XX[index[:, :, None], index[:, None, :]], self.Xy[index]
+        XX = self.XX[index[:, :, None], index[:, None, :]]
+        Xy = self.Xy[index]
         one = np.eye(index.shape[1])
         mean = np.linalg.solve(XX + one, Xy[..., None])[..., 0]
         counts = np.array([len(g) for groups in sets for g in groups])
@@ -387,8 +394,10 @@ def minimise(
         lower: (n,) lower bounds.
         upper: (n,) upper bounds.
     """
-    z, r = start, residual(start)
-    cost, damping = 0.5 * float(r @ r), 1e-3
+    z = start
+    r = residual(start)
+    cost = 0.5 * float(r @ r)
+    damping = 1e-3
     for _ in range(iterations):
         H, g = normal(z, r)
         free = ~(((z <= lower) & (g > 0)) | ((z >= upper) & (g < 0)))
@@ -402,7 +411,10 @@ def minimise(
             r_new = residual(new)
             cost_new = 0.5 * float(r_new @ r_new)
             if cost_new < cost:
-                z, r, cost, damping = new, r_new, cost_new, damping / 10
+                z = new
+                r = r_new
+                cost = cost_new
+                damping = damping / 10
                 break
             damping *= 10
         if before - cost < DONE:  # the information of the last step still holds

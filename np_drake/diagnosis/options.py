@@ -93,14 +93,12 @@ class Priors:
     # Effects and structure.
     effect: float = -3.0  # log prior of every effect named: about one in twenty
     generic: float = 3.0  # less in log prior, for structure that is no effect
-    generic_size: float = (
-        0.04  # deviation of its force over weight, of its torque over weight times arm [1]
-    )
+    # deviation of its force over weight, of its torque over weight times arm [1]
+    generic_size: float = 0.04
     twist_torque: float = 0.3  # deviation of a twist's torque over the commanded one [1]
     # Onsets.
-    onset: float = math.log(
-        1 / 4
-    )  # log prior of an onset in a flight, and of absence beside an onset
+    # log prior of an onset in a flight, and of absence beside an onset
+    onset: float = math.log(1 / 4)
     onset_gain: float = 8.0  # log likelihood that a known onset must bring on a held-out flight
     new_onset_gain: float = 30.0  # the same where no training flight has an onset
     # Payloads.
@@ -113,21 +111,14 @@ class Priors:
     # flights.
     pendulum: float = 0.02
     # Slow forces: what sensors do alone, and gusts.
-    attitude_drift: tuple[float, float] = (
-        10.0,
-        0.45,
-    )  # correlation time [s] and its deviation [e-folds]
-    attitude_spread: float = (
-        0.25  # deviation of an attitude error's size about the tolerance [e-folds]
-    )
-    accelerometer_flicker: tuple[float, float] = (
-        0.55,
-        0.4,
-    )  # tolerances a root e-fold, deviation [e-folds]
-    gust_time: tuple[float, float] = (
-        1.0,
-        0.6,
-    )  # correlation time of gusts [s] and its deviation [e-folds]
+    # correlation time [s] and its deviation [e-folds]
+    attitude_drift: tuple[float, float] = 10.0, 0.45
+    # deviation of an attitude error's size about the tolerance [e-folds]
+    attitude_spread: float = 0.25
+    # tolerances a root e-fold, deviation [e-folds]
+    accelerometer_flicker: tuple[float, float] = 0.55, 0.4
+    # correlation time of gusts [s] and its deviation [e-folds]
+    gust_time: tuple[float, float] = 1.0, 0.6
 
     def of_effect(self, identifier: str) -> float:
         """Return the log prior of one effect or generic structure (`unknown:…`)."""
@@ -143,13 +134,11 @@ class Thresholds:
 
     # A cause.
     cause_probability: float = 0.5  # least probability; ideal sensors: 0.75
-    indistinguishable_evidence: float = (
-        3.5  # difference of log evidence below which two effects are indistinguishable
-    )
+    # difference of log evidence below which two effects are indistinguishable
+    indistinguishable_evidence: float = 3.5
     # Second answer.
-    misfit_ratio: float = (
-        1.6  # held-out residual over noise, for a second answer; ideal sensors: 1.25
-    )
+    # held-out residual over noise, for a second answer; ideal sensors: 1.25
+    misfit_ratio: float = 1.6
     # Tests of what is left.
     burst_ratio: float = 8.0  # of a slow force over its usual deviation
     line_ratio: float = 20.0  # power of a spectral line over its neighbourhood
@@ -159,9 +148,8 @@ class Thresholds:
     held_out_share: float = 0.5
     # Gusts.
     slow_force_evidence: float = 5.0  # log evidence of a slow force at even odds
-    position_p_value: float = (
-        1e-3  # probability below which a slow force does not follow the place by chance
-    )
+    # probability below which a slow force does not follow the place by chance
+    position_p_value: float = 1e-3
 
 
 @dc.dataclass(frozen=True)
@@ -183,21 +171,15 @@ class Spread:
     flapping: float = 0.2  # moment against velocity [arm/s]
     lift: float = 0.03  # thrust against velocity squared, over mass [1/m]
     mounting: float = 0.02  # of the IMU against the rotors [rad]; source: one degree
-    accelerometer_offset: float = (
-        0.2  # of any accelerometer [m/s²]; source: data sheet of the BMI088, 20 mg
-    )
+    # of any accelerometer [m/s²]; source: data sheet of the BMI088, 20 mg
+    accelerometer_offset: float = 0.2
     latency: float = 0.01  # of attitude against velocity [s]
     command_time: float = 0.01  # at which a command acts [s]
     rotor_speed_time: float = 0.005  # at which measured rotor speed acts [s]
-    lags: tuple[float, ...] = (
-        0.01,
-        0.03,
-        0.08,
-    )  # of rotors, each of which may act whole or not [s]
+    lags: tuple[float, ...] = 0.01, 0.03, 0.08  # of rotors, each of which may act whole or not [s]
     # Of a flight about its vehicle.
-    tilt: float = (
-        0.02  # of the frame of the motion capture, or of an estimator [rad]; source: one degree
-    )
+    # of the frame of the motion capture, or of an estimator [rad]; source: one degree
+    tilt: float = 0.02
     gyro: float = 0.02  # bias [rad/s]
     velocity: float = 0.02  # bias [m/s]
     accelerometer: float = 0.1  # bias [m/s²]
@@ -209,9 +191,8 @@ class Spread:
     unknown_charge: float = 0.06
     known_charge: float = 0.01  # thrust over rotor speed, or over a command in newtons [1]
     sag: float = 0.002  # rate of the thrust over throttle [1/s]
-    known_sag: float = (
-        0.0005  # over throttle and voltage, rotor speed or a command in newtons [1/s]
-    )
+    # over throttle and voltage, rotor speed or a command in newtons [1/s]
+    known_sag: float = 0.0005
     # Slow changes within a flight.
     drift_time: float = 5.0  # between independent values [s]
     tilt_drift: float = 0.008  # of the attitude [rad]

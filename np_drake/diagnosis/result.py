@@ -386,8 +386,10 @@ class Diagnosis:
 
         Values that are not finite become None.
         """
-        identifiability, reduction = self.identifiability, self.gap_reduction
-        before, after = reduction.replay_before, reduction.replay_after
+        identifiability = self.identifiability
+        reduction = self.gap_reduction
+        before = reduction.replay_before
+        after = reduction.replay_after
         head = ["vehicle", "train", "held_out", "joined", "judged_as", "doubts", "verdict"]
         head += ["before", "visible"] if self.before else []
         # The gap by kind and axis, the replay's medians, and its parts by regime.
@@ -454,7 +456,8 @@ class Diagnosis:
 
 def _shown(estimate: Estimate) -> str:
     """Return value, half of the 95 % interval and unit, with the digits that the interval tells."""
-    half, unit = estimate.half, "" if estimate.unit in ("", "1") else f" {estimate.unit}"
+    half = estimate.half
+    unit = "" if estimate.unit in ("", "1") else f" {estimate.unit}"
     if not 0 < half < np.inf:
         return f"{estimate.value:.4g}{unit}"
     digits = max(0, 1 - int(np.floor(np.log10(half))))

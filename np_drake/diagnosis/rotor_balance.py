@@ -34,7 +34,8 @@ LOSS = 0.2  # deviation of the thrust that a rotor lost [1]; own choice: a cut o
 TORQUE_RATIO = 0.15
 # Centre of mass of a flight against others [arm]; source: prior of the identification.
 SHIFT = 0.02
-NAME, ROTORS = WeakRotor.identifier, ("1", "2", "3", "4")
+NAME = WeakRotor.identifier
+ROTORS = ("1", "2", "3", "4")
 EXPONENT = 0.2  # deviation of the power of input with which thrust goes, over it [1]; own choice
 
 
@@ -90,15 +91,18 @@ def hypotheses(vehicle: Vehicle, prior: float) -> dict[str, Hypothesis]:
     Args:
         prior: log prior of any change.
     """
-    B, axes = torque_map(vehicle), np.eye(3)
-    level, turn = 4 * axes[:, :2], 4 * axes[:, 2:]
+    B = torque_map(vehicle)
+    axes = np.eye(3)
+    level = 4 * axes[:, :2]
+    turn = 4 * axes[:, 2:]
     found = {
         "nothing": Hypothesis(np.zeros((3, 0)), np.zeros(0), 0.0),
         "centre of mass": Hypothesis(level, np.full(2, SPREAD.center_of_mass), prior),
         "yaw": Hypothesis(turn, np.full(1, SPREAD.rotor_gain), prior),
     }
     for name, torque in zip(ROTORS, B.T, strict=True):
-        both, spread = np.stack([torque, axes[2]], axis=1), np.array([LOSS, TORQUE_RATIO])
+        both = np.stack([torque, axes[2]], axis=1)
+        spread = np.array([LOSS, TORQUE_RATIO])
         own = prior - np.log(len(ROTORS))
         found[name] = Hypothesis(both, spread, own, sign=1)
         found[f"{name} gives more"] = Hypothesis(both, spread, own, sign=-1)
@@ -115,9 +119,12 @@ def weigh(
         after: (m, 3) of those after.
         prior: log prior of any change.
     """
-    B, y = torque_map(vehicle), np.concatenate([before, after])
-    n, late = len(y), np.arange(len(y)) >= len(before)
-    squares, level = np.sum(B**2, axis=1), np.array([1.0, 1.0, 0.0])
+    B = torque_map(vehicle)
+    y = np.concatenate([before, after])
+    n = len(y)
+    late = np.arange(len(y)) >= len(before)
+    squares = np.sum(B**2, axis=1)
+    level = np.array([1.0, 1.0, 0.0])
     usual = SPREAD.rotor_trim**2 * squares + (4 * SHIFT) ** 2 * level
     groups = [g for g in (before, after) if len(g)]
     within = sum((np.sum((g - g.mean(axis=0)) ** 2, axis=0) for g in groups), np.zeros(3))
@@ -130,11 +137,13 @@ def weigh(
         X = np.kron(late[:, None], h.columns * h.deviation)
         factor = scipy.linalg.cholesky(base + X @ X.T, lower=True)
         white, own = (scipy.linalg.solve_triangular(factor, v, lower=True) for v in (y.ravel(), X))
-        square, size = float(white @ white), freedom + y.size
+        square = float(white @ white)
+        size = freedom + y.size
         # Density of Student's t of all balances.
         logdet = np.log(np.diag(factor)).sum()
         evidence = h.log_prior - logdet - 0.5 * size * np.log1p(square / freedom)
-        value, error = 0.0, 0.0
+        value = 0.0
+        error = 0.0
         if len(h.deviation):
             value = float(h.deviation[0] * (own[:, 0] @ white))
             left = (1.0 - own[:, 0] @ own[:, 0]) * (freedom + square) / size
@@ -182,12 +191,14 @@ def compare_balance(
     if not all(told):
         return RotorBalance()
     old, new = (np.array(group) for group in told)
-    prior, least = options.priors.of_effect(NAME), options.thresholds.cause_probability
+    prior = options.priors.of_effect(NAME)
+    least = options.thresholds.cause_probability
     smallest = _visible(old, new, vehicle, prior, least)
     visible = {f"{NAME}.efficiency": smallest} if np.isfinite(smallest) else {}
     weighed = weigh(old, new, vehicle, prior)
     rotor = max(ROTORS, key=lambda name: weighed[name].probability)
-    own, named = weighed[rotor], named_rotors([*before, *after], vehicle)[int(rotor) - 1]
+    own = weighed[rotor]
+    named = named_rotors([*before, *after], vehicle)[int(rotor) - 1]
     half = SURE * float(np.hypot(own.error, EXPONENT * own.value))
     value, low, high = np.exp([-own.value, -own.value - half, -own.value + half]).tolist()
     if own.value <= 0 or own.probability < FAINT:

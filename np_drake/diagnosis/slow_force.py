@@ -47,10 +47,12 @@ def slow_force(
         residual: by flight, (m, 15) what a model leaves of it.
     """
     spectra = [_spectra(e, residual[e.name]) for e in flights]
-    mass, gravity = flights[0].vehicle.mass, flights[0].vehicle.gravity
+    mass = flights[0].vehicle.mass
+    gravity = flights[0].vehicle.gravity
     centre, spread = _prior(options, gravity, max(len(values) for _, values in spectra))
     bounds = list(zip(centre - REACH * spread, centre + REACH * spread, strict=True))
-    n, (time, times) = len(centre), options.priors.gust_time
+    n = len(centre)
+    time, times = options.priors.gust_time
 
     def misfit(z: np.ndarray, force: np.ndarray | None = None) -> float:
         return _loss(spectra, z, force) + 0.5 * float(np.sum(((z - centre) / spread) ** 2))
@@ -91,7 +93,8 @@ def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False)
     """Return the spectra of what is left of a flight (m, 15); `upright`: without its mean in body
     axes, (3,).
     """
-    step, R = e.grid.step, e.q
+    step = e.grid.step
+    R = e.q
     slip = attitude.rotate(R, residual[:, POSITION])
     from_position = np.gradient(slip, step, axis=0) + attitude.rotate(R, residual[:, VELOCITY])
     read = residual[:, FORCE] / e.vehicle.mass
@@ -111,7 +114,8 @@ def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray,
     """Return centre and spread of log sensor errors: attitude (RMS [m/s²], time [s], white),
     accelerometer.
     """
-    tolerance, priors = options.tolerance, options.priors
+    tolerance = options.tolerance
+    priors = options.priors
     turned = gravity * tolerance.attitude
     found = [(turned, priors.attitude_spread), priors.attitude_drift, (0.02 * turned, WHITE)]
     if channels == 2:
@@ -145,7 +149,7 @@ def _loss(spectra: Sequence[Spectra], z: np.ndarray, force: np.ndarray | None) -
         # Whittle: at every frequency both channels are Gaussian, with the force as common part of
         # their spectra.
         det = position * read - common**2
-        (pp, pr, rr) = (np.sum(values[i] * values[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1)))
+        pp, pr, rr = (np.sum(values[i] * values[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1)))
         total += float(
             np.sum(0.5 * (read * pp - 2 * common * pr + position * rr) / det + np.log(det))
         )
@@ -196,7 +200,9 @@ def position_p_value(
     """
     wind = wind_force(flights, residual, begins)
     x = np.concatenate([e.rows.x[:, P] for e in flights])
-    middle, size = x.mean(axis=0), x.std(axis=0) + 1e-9  # [m], for a height that is kept
+    # [m], for a height that is kept
+    middle = x.mean(axis=0)
+    size = x.std(axis=0) + 1e-9
     first, second = np.triu_indices(3)
     white = []
     for e in flights:

@@ -21,9 +21,8 @@ from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 
-SMALL = (
-    0.02  # difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
-)
+# difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
+SMALL = 0.02
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
 STEPS = 3  # Gauss-Newton iterations
 GRID = 128  # swings in the grid of starts; own choice
@@ -56,18 +55,21 @@ class SwingFit:
         priors: Priors,
     ):
         self._term = dc.replace(terms[i], onset={**terms[i].onset, flight.name: onset})
-        order, found = noise.phi.shape[1], np.flatnonzero(rows)
+        order = noise.phi.shape[1]
+        found = np.flatnonzero(rows)
         first, last = (found[0], found[-1]) if len(found) else (0, 0)
         begin = max(first - order, 0)
         self._raw = slice(begin, max(last + 1, begin + order))
         self._scored = rows[self._raw][order:]
-        self._flight, self._noise = flight.head(self._raw.stop), noise
+        self._flight = flight.head(self._raw.stop)
+        self._noise = noise
         others = predicted_residual(self._flight, [*terms[:i], *terms[i + 1 :]])
         self._target = self._white(self._flight.y - others)
         self.size = hidden_size(flight, onset)
         rate = np.sqrt(flight.vehicle.gravity / terms[i].effect.payload.length)  # type: ignore[attr-defined]
         unit = swing_units(self.size, rate)
-        self._prior, self._limit = priors.swing * unit, WIDEST * unit
+        self._prior = priors.swing * unit
+        self._limit = WIDEST * unit
 
     @property
     def known(self) -> np.ndarray:
@@ -106,12 +108,14 @@ class SwingFit:
         Args:
             swing: (size,) to begin with.
         """
-        best, least = swing, np.inf
+        best = swing
+        least = np.inf
         for _ in range(STEPS + 1):
             miss, X, A = self._normal(swing, free)
             cost = float(miss @ miss + np.sum((swing / self._prior) ** 2))
             if cost < least:
-                best, least = swing, cost
+                best = swing
+                least = cost
             # Gauss-Newton on the normal equations A step = X'miss - prior, clipped to swings that
             # are possible.
             step = np.linalg.solve(A, X.T @ miss - swing[free] / self._prior[free] ** 2)

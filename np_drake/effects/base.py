@@ -137,24 +137,19 @@ class Effect:
     # Its mathematics.
     linear: ClassVar[bool] = True  # in all parameters
     begins: ClassVar[bool] = True  # may begin in mid-flight
-    constant: ClassVar[bool] = (
-        False  # of how airframe and propellers are made: the same in all flights of a vehicle
-    )
-    sudden: ClassVar[bool] = (
-        False  # what happens to a healthy vehicle in flight: a load, a broken rotor, a wind
-    )
+    # of how airframe and propellers are made: the same in all flights of a vehicle
+    constant: ClassVar[bool] = False
+    # what happens to a healthy vehicle in flight: a load, a broken rotor, a wind
+    sudden: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()  # it acts through one of these (wind through a drag)
     # Prior correlation of its continuous parameters; (): none [1].
     prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ()
-    widens: ClassVar[bool] = (
-        False  # its prior widens to the size of its estimate: usual sizes are not known
-    )
-    has_hidden_state: ClassVar[bool] = (
-        False  # a motion of its own, which no log holds (a payload's swing)
-    )
-    shifts_commands: ClassVar[bool] = (
-        False  # in time against the state: a lag, a delay, another clock
-    )
+    # its prior widens to the size of its estimate: usual sizes are not known
+    widens: ClassVar[bool] = False
+    # a motion of its own, which no log holds (a payload's swing)
+    has_hidden_state: ClassVar[bool] = False
+    # in time against the state: a lag, a delay, another clock
+    shifts_commands: ClassVar[bool] = False
     pure_delay: ClassVar[bool] = False  # it does nothing but that
     requires: ClassVar[tuple[str, ...]] = ()  # what a log must tell: keys of `library.REQUIREMENTS`
     tolerance: ClassVar[str] = ""  # field of `Tolerance`: how far vehicle file or sensor may be off
@@ -170,9 +165,8 @@ class Effect:
     shares: ClassVar[bool] = False  # its dimensionless parameters are shown in per cent
     bench_check: ClassVar[str] = ""  # how to see it without a flight
     excited_by: ClassVar[str] = ""  # manoeuvre that shows it
-    told_from: ClassVar[
-        Mapping[str, str]
-    ] = {}  # identifier of another effect: manoeuvre that tells the two
+    # identifier of another effect: manoeuvre that tells the two
+    told_from: ClassVar[Mapping[str, str]] = {}
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)

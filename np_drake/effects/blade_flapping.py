@@ -43,6 +43,8 @@ class BladeFlapping(WrenchEffect):
 
     def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return the moment in B, (..., 6) [N, N·m]; no force."""
-        out, v_B = super().body_wrench(vehicle, motion), motion.air_B
-        out[..., 3], out[..., 4] = self.moment * v_B[..., 1], -self.moment * v_B[..., 0]
+        out = super().body_wrench(vehicle, motion)
+        v_B = motion.air_B
+        out[..., 3] = self.moment * v_B[..., 1]
+        out[..., 4] = -self.moment * v_B[..., 0]
         return out

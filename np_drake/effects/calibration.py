@@ -47,7 +47,8 @@ def effects_of(calibration: Calibration, vehicle: Vehicle) -> tuple[Effect, ...]
     `imu_tilt` change the log alone, and a sensor model refuses a clock offset
     (`np_drake.logs.clock.shift_state` applies it to the log).
     """
-    c, up = calibration, vehicle.rotor_time_constant
+    c = calibration
+    up = vehicle.rotor_time_constant
     down = up if c.rotor_time_constant_down is None else c.rotor_time_constant_down
     effects: tuple[Effect, ...] = (
         CenterOfMassOffset(*c.center_of_mass),

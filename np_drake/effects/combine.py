@@ -19,9 +19,8 @@ from np_drake.effects.base import (
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
-Onsets = Mapping[
-    Effect, float
-]  # when an effect begins [s]; one that is not named acts from the start
+# when an effect begins [s]; one that is not named acts from the start
+Onsets = Mapping[Effect, float]
 NO_ONSETS: Onsets = {}
 Acting = TypeVar("Acting", bound=Effect)
 
@@ -43,12 +42,10 @@ class EffectsByPlace:
     The payload has a field of its own, because it is a body.
     """
 
-    wrench: list[WrenchEffect] = dc.field(
-        default_factory=list
-    )  # act as force and torque on the body
-    actuator: list[ActuatorEffect] = dc.field(
-        default_factory=list
-    )  # act between command and thrust
+    # act as force and torque on the body
+    wrench: list[WrenchEffect] = dc.field(default_factory=list)
+    # act between command and thrust
+    actuator: list[ActuatorEffect] = dc.field(default_factory=list)
     mass: list[MassEffect] = dc.field(default_factory=list)  # change the mass properties
     measurement: list[MeasurementEffect] = dc.field(default_factory=list)  # change the reading
     payload: SuspendedPayload | None = None

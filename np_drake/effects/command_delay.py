@@ -68,6 +68,7 @@ class CommandDelay(ActuatorEffect):
             return command
         rows = self.delay * (len(t) - 1) / (t[-1] - t[0])
         whole = int(np.floor(rows))
-        part, k = rows - whole, np.arange(len(t)) - whole
+        part = rows - whole
+        k = np.arange(len(t)) - whole
         late, later = (np.clip(i, 0, len(t) - 1) for i in (k, k - 1))
         return (1.0 - part) * command[late] + part * command[later]

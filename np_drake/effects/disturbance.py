@@ -70,7 +70,8 @@ def along(t: np.ndarray | float, deviation: np.ndarray, time: np.ndarray, seed: 
         time: (axes,) correlation times [s].
         seed: of the draw.
     """
-    times, (rate, phase) = np.asarray(t, float), _lines(seed, len(time))
+    times = np.asarray(t, float)
+    rate, phase = _lines(seed, len(time))
     size = deviation * np.sqrt(2.0 / LINES)
     return _sums(times.ravel(), rate, time, phase, size).reshape(*times.shape, len(size))
 

@@ -69,7 +69,8 @@ class Downwash(WrenchEffect):
         out = super().body_wrench(vehicle, motion)
         loss = self.strength * thrust_loss(vehicle, np.maximum(motion.rotor_thrust, 0.0), w)
         out[..., 2] = -np.sum(loss, axis=-1)
-        out[..., 3], out[..., 4] = -loss @ arms[:, 1], loss @ arms[:, 0]
+        out[..., 3] = -loss @ arms[:, 1]
+        out[..., 4] = loss @ arms[:, 0]
         at_centre = self.velocity(vehicle, motion.t, motion.x[..., None, P])
         push = self.strength * 0.5 * AIR_DENSITY * arm(vehicle) ** 2 * at_centre**2
         out[..., :3] -= push * motion.R_WB[..., 2, :]  # downwards

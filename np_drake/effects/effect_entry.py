@@ -17,9 +17,8 @@ class EffectEntry:
     """Effect by its identifier, with its parameters, when it begins, and how sure it is."""
 
     effect: str = ""  # identifier
-    parameters: dict[str, float] = dc.field(
-        default_factory=dict
-    )  # others at the effect's defaults [SI]
+    # others at the effect's defaults [SI]
+    parameters: dict[str, float] = dc.field(default_factory=dict)
     onset: float | None = number(None, "s", 0.0)  # when it begins; None: from the start
     probability: float = number(1.0, "1", 0.0, 1.0)  # that it acts at all, for `certify`
     # By flight of a diagnosis, when it began there: 0 from the start, `.inf` absent [s].

@@ -56,5 +56,6 @@ class GustyWind(WrenchEffect):
 
     def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
         """Return the wind in W, (..., 3) [m/s]."""
-        size, time = np.full(3, self.deviation), np.full(3, self.correlation_time)
+        size = np.full(3, self.deviation)
+        time = np.full(3, self.correlation_time)
         return np.array([self.mean_x, self.mean_y, self.mean_z]) + along(t, size, time, self.seed)

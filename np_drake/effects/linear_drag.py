@@ -63,6 +63,8 @@ def add_drag(x, rotor_thrust, d_x, d_y, d_z, hover, out):
         roots += math.sqrt(max(rotor_thrust[i], 0.0))
     speed = roots / (4 * hover)
     a, b, c = turned(x[3], -x[4], -x[5], -x[6], x[7], x[8], x[9])
-    a, b, c = -d_x * a * speed, -d_y * b * speed, -d_z * c * speed
+    a = -d_x * a * speed
+    b = -d_y * b * speed
+    c = -d_z * c * speed
     a, b, c = turned(x[3], x[4], x[5], x[6], a, b, c)
     out[0], out[1], out[2] = out[0] + a, out[1] + b, out[2] + c

@@ -179,28 +179,49 @@ def leapfrog(limit, half, now, move, kicks, drift, pulls):
         pulls: (n, 3, m) to be written [m].
     """
     for i in range(now.shape[1]):
-        x, y, z = now[0, i], now[1, i], now[2, i]
-        u, v, w = move[0, i], move[1, i], move[2, i]
-        own, blown = min(i, kicks.shape[2] - 1), min(i, drift.shape[2] - 1)
-        both, kept, more, share = 2 * half[i], 1 - half[i], 1 + half[i], 1 / (1 + half[i])
+        x = now[0, i]
+        y = now[1, i]
+        z = now[2, i]
+        u = move[0, i]
+        v = move[1, i]
+        w = move[2, i]
+        own = min(i, kicks.shape[2] - 1)
+        blown = min(i, drift.shape[2] - 1)
+        both = 2 * half[i]
+        kept = 1 - half[i]
+        more = 1 + half[i]
+        share = 1 / (1 + half[i])
         square = x * x + y * y + z * z
         for k in range(len(kicks)):
             u = share * (kept * u + kicks[k, 0, own] - both * drift[k, 0, blown])
             v = share * (kept * v + kicks[k, 1, own] - both * drift[k, 1, blown])
             w = share * (kept * w + kicks[k, 2, own] - both * drift[k, 2, blown])
-            a, b, c = x + u, y + v, z + w
-            along, far = x * a + y * b + z * c, a * a + b * b + c * c
+            a = x + u
+            b = y + v
+            c = z + w
+            along = x * a + y * b + z * c
+            far = a * a + b * b + c * c
             mu = 0.0
             if far > limit[i]:
                 excess = far - limit[i]
                 mu = max(0.0, excess / (along + np.sqrt(max(0.0, along * along - square * excess))))
             pull = more * mu
-            pulls[k, 0, i], pulls[k, 1, i], pulls[k, 2, i] = pull * x, pull * y, pull * z
-            u, v, w = u - mu * x, v - mu * y, w - mu * z
-            x, y, z = x + u, y + v, z + w
+            pulls[k, 0, i] = pull * x
+            pulls[k, 1, i] = pull * y
+            pulls[k, 2, i] = pull * z
+            u = u - mu * x
+            v = v - mu * y
+            w = w - mu * z
+            x = x + u
+            y = y + v
+            z = z + w
             square = min(far, limit[i])
-        now[0, i], now[1, i], now[2, i] = x, y, z
-        move[0, i], move[1, i], move[2, i] = u, v, w
+        now[0, i] = x
+        now[1, i] = y
+        now[2, i] = z
+        move[0, i] = u
+        move[1, i] = v
+        move[2, i] = w
 
 
 def hanging(
@@ -242,7 +263,8 @@ def swing(
         v_hook: (n, 3) in W [m/s]; default: at rest.
     """
     length = np.array([payload.length])
-    start, damping = (r[None], r_rate[None]), payload.damping
+    start = (r[None], r_rate[None])
+    damping = payload.damping
     pull = swing_many(length, *start, a_hook, step, gravity, damping=damping, v_hook=v_hook)
     return payload.mass * pull[:, 0]
 
@@ -266,7 +288,8 @@ def hook_acceleration(hook, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.
         a: (..., 3) of Bo in W [m/s²].
         al: (..., 3) in B [rad/s²].
     """
-    p_BoTo_B, w = np.asarray(hook, float), x[..., W]
+    p_BoTo_B = np.asarray(hook, float)
+    w = x[..., W]
     return a + attitude.rotate(
         x[..., Q], np.cross(al, p_BoTo_B) + np.cross(w, np.cross(w, p_BoTo_B))
     )

@@ -37,6 +37,7 @@ class QuadraticDrag(WrenchEffect):
 
     def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return the drag in B, (..., 6) [N, N·m]."""
-        out, v_B = super().body_wrench(vehicle, motion), motion.air_B
+        out = super().body_wrench(vehicle, motion)
+        v_B = motion.air_B
         out[..., :3] = np.array([-self.c_x, -self.c_y, -self.c_z]) * np.abs(v_B) * v_B
         return out

@@ -37,11 +37,14 @@ class RotorGyroscopic(WrenchEffect):
 
     def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return the torque in B, (..., 6) [N, N·m]; no force."""
-        out, w = super().body_wrench(vehicle, motion), motion.x[..., W]
+        out = super().body_wrench(vehicle, motion)
+        w = motion.x[..., W]
         # Momentum is that of the turning rotors, whatever their blades give.
         turning = motion.rotor_thrust if motion.nominal_thrust is None else motion.nominal_thrust
         spin = -self.rotor_inertia * np.array(vehicle.rotor_directions)
         h = np.sqrt(np.maximum(turning, 0.0) / vehicle.thrust_coefficient) @ spin
-        out[..., 3], out[..., 4] = -w[..., 1] * h, w[..., 0] * h  # -w x (h z)
+        # -w x (h z)
+        out[..., 3] = -w[..., 1] * h
+        out[..., 4] = w[..., 0] * h
         out[..., 5] = -(motion.rotor_rate @ spin)
         return out

@@ -8,9 +8,8 @@ from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.vehicle import Vehicle
 
 AIR_DENSITY = 1.2  # at 20 °C near sea level [kg/m³]
-_NEWTON_STEPS = (
-    8  # from above, where Glauert's equation is convex; five reach 1e-11 down to a descent at v_h
-)
+# from above, where Glauert's equation is convex; five reach 1e-11 down to a descent at v_h
+_NEWTON_STEPS = 8
 
 
 @dc.dataclass(frozen=True)
@@ -39,12 +38,14 @@ class RotorInflow(WrenchEffect):
 
     def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return the change of thrust in B, (..., 6) [N, N·m]; no torque."""
-        out, v_B = super().body_wrench(vehicle, motion), motion.air_B
+        out = super().body_wrench(vehicle, motion)
+        v_B = motion.air_B
         area = np.pi * vehicle.rotor_radius**2
         f = np.maximum(motion.rotor_thrust, 0.0)
         speed = np.sqrt(f / vehicle.thrust_coefficient)
         at_rest = _velocity_at_rest(vehicle, f)
-        axial, lateral = v_B[..., 2:], np.linalg.norm(v_B[..., :2], axis=-1, keepdims=True)
+        axial = v_B[..., 2:]
+        lateral = np.linalg.norm(v_B[..., :2], axis=-1, keepdims=True)
         k = self.slope * AIR_DENSITY * area * vehicle.rotor_radius / 4
         out[..., 2] = np.sum(
             k * speed * (at_rest - induced_velocity(at_rest, lateral, axial) - axial), axis=-1

@@ -27,7 +27,9 @@ class SensorNoise:
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the noisy reading; `white`: (..., 22) standard normal [1]."""
-        n, x, a = self.noise, np.empty(truth.x.shape), np.empty(truth.a.shape)
+        n = self.noise
+        x = np.empty(truth.x.shape)
+        a = np.empty(truth.a.shape)
         deviations = (n.position, n.attitude, n.velocity, n.rate, n.acceleration)
         rows = [
             np.ascontiguousarray(v, float).reshape(-1, v.shape[-1])
@@ -56,20 +58,34 @@ def _read(
     """Write the noisy states (n, 13) and accelerations (n, 3) of `SensorNoise.measure`."""
     half = 0.5 * attitude
     for row in range(len(truth)):
-        true, drawn, x, a = truth[row], white[row], states[row], specific[row]
+        true = truth[row]
+        drawn = white[row]
+        x = states[row]
+        a = specific[row]
         for k in range(3):
             x[k] = true[k] + position * drawn[k]
             x[7 + k] = true[7 + k] + velocity * drawn[6 + k]
             x[10 + k] = true[10 + k] + rate * drawn[9 + k]
-        i, j, k = half * drawn[3], half * drawn[4], half * drawn[5]
-        q_w, q_x, q_y, q_z = true[3], true[4], true[5], true[6]
-        w, b = q_w - q_x * i - q_y * j - q_z * k, q_w * i + q_x + q_y * k - q_z * j
-        c, d = q_w * j - q_x * k + q_y + q_z * i, q_w * k + q_x * j - q_y * i + q_z
+        i = half * drawn[3]
+        j = half * drawn[4]
+        k = half * drawn[5]
+        q_w = true[3]
+        q_x = true[4]
+        q_y = true[5]
+        q_z = true[6]
+        w = q_w - q_x * i - q_y * j - q_z * k
+        b = q_w * i + q_x + q_y * k - q_z * j
+        c = q_w * j - q_x * k + q_y + q_z * i
+        d = q_w * k + q_x * j - q_y * i + q_z
         size = math.sqrt(w * w + b * b + c * c + d * d)
-        x[3], x[4], x[5], x[6] = w / size, b / size, c / size, d / size
+        x[3] = w / size
+        x[4] = b / size
+        x[5] = c / size
+        x[6] = d / size
         felt = a_true[row]
         s_x, s_y, s_z = turned(q_w, -q_x, -q_y, -q_z, felt[0], felt[1], felt[2] + gravity)
-        s_x, s_y = s_x + acceleration * drawn[12], s_y + acceleration * drawn[13]
+        s_x = s_x + acceleration * drawn[12]
+        s_y = s_y + acceleration * drawn[13]
         s_z += acceleration * drawn[14]
         a[0], a[1], a[2] = turned(x[3], x[4], x[5], x[6], s_x, s_y, s_z)
         a[2] -= gravity

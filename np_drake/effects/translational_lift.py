@@ -43,6 +43,7 @@ class TranslationalLift(WrenchEffect):
 
     def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return the thrust in B, (..., 6) [N, N·m]; no torque."""
-        out, v_B = super().body_wrench(vehicle, motion), motion.air_B
+        out = super().body_wrench(vehicle, motion)
+        v_B = motion.air_B
         out[..., 2] = self.lift * np.sum(v_B[..., :2] ** 2, axis=-1)
         return out

@@ -41,11 +41,14 @@ class UnevenLag(MotorLag):
         """
         if len(t) < 2:
             return command
-        target, step = self.state_at(vehicle, command), t[1] - t[0]
-        speed, thrust = target[0], np.empty_like(command)
+        target = self.state_at(vehicle, command)
+        step = t[1] - t[0]
+        speed = target[0]
+        thrust = np.empty_like(command)
         for k, wanted in enumerate(target):
             decay = np.exp(-0.5 * step / np.where(wanted < speed, self.down, self.time_constant))
-            middle, end = wanted + (speed - wanted) * decay, wanted + (speed - wanted) * decay**2
+            middle = wanted + (speed - wanted) * decay
+            end = wanted + (speed - wanted) * decay**2
             thrust[k] = vehicle.thrust_coefficient * (speed**2 + 4 * middle**2 + end**2) / 6
             speed = end
         return thrust

@@ -194,14 +194,16 @@ def note_input(path: str | Path) -> None:
     Raises: ValueError: if it is a pipe or a socket.
     """
     require_plain_file(path)
-    guarded, file = _guarded.get(), _identity(path)
+    guarded = _guarded.get()
+    file = _identity(path)
     if guarded is not None and file is not None:
         guarded.setdefault(file, Path(path))
 
 
 def note_output(path: str | Path) -> None:
     """Add a file that was written, which is no input when it is read."""
-    guarded, file = _guarded.get(), _identity(path)
+    guarded = _guarded.get()
+    file = _identity(path)
     if guarded is not None and file is not None:
         guarded[file] = None
 

@@ -13,15 +13,8 @@ _UNIT = re.compile(
 _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?")  # none that is part of a name
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-_THOUSANDTHS = {
-    "N",
-    "N·m",
-    "N·s/m",
-    "N·m·s/m",
-    "N·s²/m²",
-    "s",
-    "rad/s",
-}  # units with the prefixes m and µ
+# units with the prefixes m and µ
+_THOUSANDTHS = {"N", "N·m", "N·s/m", "N·m·s/m", "N·s²/m²", "s", "rad/s"}
 UNITS = {  # SI unit: (from this size on [SI], factor, unit shown), the largest first
     "kg": ((1.0, 1.0, "kg"), (0.0, 1e3, "g")),
     "m": ((0.1, 1.0, "m"), (0.0, 1e2, "cm")),

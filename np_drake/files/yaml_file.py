@@ -37,7 +37,9 @@ PLAIN: dict[Any, str] = {
     list[list[float]]: "a matrix, rows of as many numbers each",
 }
 _QUOTED = reprlib.Repr()  # of values that an alias may repeat without end
-_QUOTED.maxlevel, _QUOTED.maxlist, _QUOTED.maxdict = 4, 10, 10
+_QUOTED.maxlevel = 4
+_QUOTED.maxlist = 10
+_QUOTED.maxdict = 10
 _QUOTED.maxstring = _QUOTED.maxlong = 2 * LONGEST
 
 
@@ -74,7 +76,8 @@ def check_fields(thing: Any, who: str) -> None:
     Raises: ValueError: one line with field, bounds, unit and value, where one is outside.
     """
     for field in dc.fields(thing):
-        value, about = getattr(thing, field.name), field.metadata
+        value = getattr(thing, field.name)
+        about = field.metadata
         if value not in about.get("words", [value]):
             words = ", ".join(filter(None, about["words"]))
             raise ValueError(f"{who}: {field.name} must be one of {words}; got {value!r}.")
@@ -116,7 +119,8 @@ class _Loader(yaml.SafeLoader):
         if not hasattr(node, "lines"):  # an alias comes again, merged already
             node.lines = {}
             for key in [key for key, _ in node.value if key.tag != MERGE]:
-                name, line = str(key.value), key.start_mark.line + 1
+                name = str(key.value)
+                line = key.start_mark.line + 1
                 if name in node.lines:
                     lines = f"{node.lines[name]} and {line}"
                     raise ValueError(f"{name} must stand once; it stands in lines {lines}.")

@@ -41,7 +41,9 @@ class Parameter:
         return float(np.exp(here)) if self.log else float(here)
 
 
-MOTORS, BOTH, ROTOR_SPEED = ("motors",), ("motors", "speed"), ("speed",)
+MOTORS = ("motors",)
+BOTH = ("motors", "speed")
+ROTOR_SPEED = ("speed",)
 
 
 AIR = ("velocity",)
@@ -56,9 +58,11 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         spin: rotor speed in hover, or an estimate [rad/s].
         step: between rows of the logs [s].
     """
-    ln, known = np.log, published_priors()
+    ln = np.log
+    known = published_priors()
     # Jxx of any vehicle, and Jyy over it, with the variance that both share.
-    moment, yaw = known.inertia, known.inertia_yaw
+    moment = known.inertia
+    yaw = known.inertia_yaw
     zz = moment.mean + ln(1.0 + known.inertia_pitch.median) + yaw.mean
     return (
         Parameter(
@@ -330,17 +334,12 @@ def _student(freedom: int) -> float:
 PASSES = 4  # of noise models
 ITERATIONS = 3  # of Gauss-Newton within one
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
-BLOCK = (
-    1.0  # length of the blocks into which a flight's scores are summed [s]; own choice: a manoeuvre
-)
-TOGETHER = (
-    1,
-    3,
-    9,
-)  # blocks that are taken as dependent; own choice: up to the slow errors of an estimator
-LEAST_BLOCKS = (
-    8  # of one length from which they tell a covariance; own choice: Student's factor is then 1.2
-)
+# length of the blocks into which a flight's scores are summed [s]; own choice: a manoeuvre
+BLOCK = 1.0
+# blocks that are taken as dependent; own choice: up to the slow errors of an estimator
+TOGETHER = 1, 3, 9
+# of one length from which they tell a covariance; own choice: Student's factor is then 1.2
+LEAST_BLOCKS = 8
 LEAST_FLIGHTS = 5  # from which flights are taken as independent clusters; own choice
 LARGEST = 2.0  # step in standard deviations of the prior
 BOUND = 6.0  # standard deviations of the prior beyond which a parameter does not go
@@ -477,7 +476,9 @@ def _descend(
     def shares(at: np.ndarray) -> list[_Part]:
         return [_part(m, layout, at, number, w) for number, (m, w) in enumerate(flights)]
 
-    damping, parts, before = 0.0, shares(z), cost(z)
+    damping = 0.0
+    parts = shares(z)
+    before = cost(z)
     for _ in range(ITERATIONS):
         H = sum(p.information for p in parts) + np.eye(layout.size)
         g = sum(p.gradient for p in parts) + z
@@ -491,7 +492,10 @@ def _descend(
             damping = max(10 * damping, 1e-3)
         else:
             break
-        z, before, damping, parts = new, after, 0.1 * damping, shares(new)
+        z = new
+        before = after
+        damping = 0.1 * damping
+        parts = shares(new)
         if np.abs(step).max() < SETTLED:
             break
     return z, parts
@@ -512,7 +516,9 @@ def _part(
     rows = max(1, round(BLOCK / model.flight.step))
     blocks = np.add.reduceat(each, np.arange(0, len(each), rows))
     k = layout.size
-    information, gradient, scores = np.zeros((k, k)), np.zeros(k), np.zeros((len(blocks), k))
+    information = np.zeros((k, k))
+    gradient = np.zeros(k)
+    scores = np.zeros((len(blocks), k))
     flat = J.reshape(len(own), -1)
     information[np.ix_(own, own)] = flat @ flat.T
     gradient[own] = each.sum(axis=0)
@@ -544,7 +550,8 @@ def _agreement(
     if len(parts) < 2:
         return {}
     n = len(layout.shared)
-    values, sds = np.full((len(parts), n), np.nan), np.full((len(parts), n), np.nan)
+    values = np.full((len(parts), n), np.nan)
+    sds = np.full((len(parts), n), np.nan)
     for number, part in enumerate(parts):
         own = layout.indices(number)
         moved, inverse = _alone(part, layout, alone[number], number)

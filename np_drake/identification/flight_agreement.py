@@ -42,7 +42,8 @@ class FlightValues:
     @property
     def text(self) -> str:
         """That flights differ, in a sentence without its full stop, and which stand out."""
-        said, one = f"{self.quantity.title}: flights differ", len(self.apart) == 1
+        said = f"{self.quantity.title}: flights differ"
+        one = len(self.apart) == 1
         if not self.apart or len(self.names) - len(self.apart) < 2:
             return said
         return f"{said}; {', '.join(self.apart)} {'stands' if one else 'stand'} out"
@@ -52,7 +53,8 @@ def flight_values(found: Identification) -> list[FlightValues]:
     """Return what flights tell alone of each quantity that they tell; one quantity for each
     parameter of the model.
     """
-    estimate, shown = found.estimate, []
+    estimate = found.estimate
+    shown = []
     seen: set[str] = set()
     for quantity in found.quantities:
         name = quantity.follows
@@ -102,9 +104,12 @@ def own_values(found: Identification) -> list[FlightValues]:
     Innovations count as white, for the covariance of the estimate holds the spread that is tested
     here.
     """
-    e, layout = found.estimate, found.estimate.layout
+    e = found.estimate
+    layout = found.estimate.layout
     covariance = np.linalg.inv(e.information + np.eye(layout.size))
-    count, arm, shown = layout.flights, found.basis.frame.arm, []
+    count = layout.flights
+    arm = found.basis.frame.arm
+    shown = []
     for number, parameter in enumerate(layout.own):
         if parameter.name not in OWN or count < 2:
             continue
@@ -141,7 +146,8 @@ def outlying(agreement: Agreement) -> list[int]:
         others = here[here != i]
         if len(others) < 2:
             continue
-        values, sd = agreement.values[others], agreement.sd[others]
+        values = agreement.values[others]
+        sd = agreement.sd[others]
         between, _ = random_effect(values, sd)
         weight = 1.0 / (sd**2 + between)
         mean = weight @ values / weight.sum()

@@ -35,7 +35,9 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
     """Return the vehicle as flights tell it.
     Raises: ValueError: where only ratios to the mass are told, or the values are no vehicle's.
     """
-    basis, prior, count = found.basis, found.prior, len(found.models)
+    basis = found.basis
+    prior = found.prior
+    count = len(found.models)
     if basis.ratios:
         raise ValueError(
             "identify: a vehicle file needs the mass, for flights tell thrust and inertia "
@@ -47,7 +49,8 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
     fields.pop("", None)
     named = f"identified from {count} flight{'s' * (count > 1)}"
     values: dict[str, Any] = {}
-    intervals, sources = dict[str, list[list[float]]](), dict[str, str]()
+    intervals = dict[str, list[list[float]]]()
+    sources = dict[str, str]()
     for field, own in fields.items():
         values[field], intervals[field] = _numbers(field, own, prior)
         sources[field] = _source(own, named)
@@ -65,7 +68,8 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
             [_rounded(scale * end) for end in intervals["torque_coefficient"][0]]
         ]
         values["torque_coefficient"] = _rounded(scale * values["torque_coefficient"])
-    throttle, full = None, values.get("throttle.full_thrust")
+    throttle = None
+    full = values.get("throttle.full_thrust")
     if full is not None:
         power = float(np.clip(values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0))
         linear = float(np.clip(values.get("throttle.linear", 0.0), -0.5, 1.5))
@@ -86,7 +90,8 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         own_fields["rotor_gains"] = [_rounded(gain / float(np.mean(gains))) for gain in gains]
     if "command_delay" in own_fields:
         own_fields["command_delay"] = max(own_fields["command_delay"], 0.0)
-    loop, axes = None, found.rate_loop
+    loop = None
+    axes = found.rate_loop
     if axes:
         lags, gains = ([_rounded(getattr(axis, of)) for axis in axes] for of in ("lag", "gain"))
         most = np.maximum([axis.max_rate for axis in axes], RateLoop().max_rate)
@@ -118,7 +123,9 @@ def _numbers(
     if field not in SHAPES:
         return _rounded(own[0].value), [[_rounded(own[0].low), _rounded(own[0].high)]]
     start = np.array(prior.inertia, float) if field == "inertia" else np.zeros(SHAPES[field])
-    value, low, high = start.copy(), start.copy(), start.copy()
+    value = start.copy()
+    low = start.copy()
+    high = start.copy()
     for q in own:
         for out, number in ((value, q.value), (low, q.low), (high, q.high)):
             out[q.quantity.index] = out[q.quantity.index[::-1]] = _rounded(number)
@@ -127,7 +134,8 @@ def _numbers(
 
 def _source(own: Sequence[Identified], named: str) -> str:
     """Return what told a field, or why flights do not."""
-    told, other = [q for q in own if q.told], [q for q in own if not q.told]
+    told = [q for q in own if q.told]
+    other = [q for q in own if not q.told]
     if not other:
         return named
     lacks = f"{other[0].quantity.why}; {other[0].quantity.manoeuvre} would tell"
@@ -149,7 +157,8 @@ def _possible(J: np.ndarray) -> np.ndarray | None:
         moments = np.linalg.eigvalsh(0.5 * np.trace(out) * np.eye(3) - out)
         return float(moments[0] - FLATTEST * moments[-1])
 
-    low, high = float(max(J[0, 0], J[1, 1])), float(J[2, 2])
+    low = float(max(J[0, 0], J[1, 1]))
+    high = float(J[2, 2])
     if spare(high) >= 0.0 or spare(low) < 0.0:
         return None
     out[2, 2] = _rounded(scipy.optimize.brentq(spare, low, high))

@@ -70,13 +70,16 @@ class Identification:
     @cached_property
     def quantities(self) -> tuple[Identified, ...]:
         """What is told of the vehicle, in the order of a vehicle file."""
-        e, layout, found = self.estimate, self.estimate.layout, []
+        e = self.estimate
+        layout = self.estimate.layout
+        found = []
         for q in (q for q in QUANTITIES if self.parts.issuperset(q.needs)):
             here, gradient = self.of(q, e.z)
             before, slope = self.of(q, np.zeros_like(e.z))
             sd = float(np.sqrt(e.variance(gradient)))
             prior = float(np.linalg.norm(_of_one_flight(slope, layout)))
-            wide, known = SURE * sd, SURE * prior
+            wide = SURE * sd
+            known = SURE * prior
             bounds = np.array([here, here - wide, here + wide, before - known, before + known])
             value, low, high, *both = (np.exp(bounds) if q.positive else bounds).tolist()
             told = bool(0.0 < sd < TOLD * prior)
@@ -126,7 +129,8 @@ def identify(
         hold.
     """
     drive = common_drive(flights, drive)
-    seen, kept = [], []
+    seen = []
+    kept = []
     long = [log for log in flights if lasts(log) >= SHORTEST]
     short = (log.name for log in flights if lasts(log) < SHORTEST)
     notes = [f"{name}: shorter than {SHORTEST:g} s; left out" for name in short]
@@ -148,8 +152,10 @@ def identify(
         )
     if any(flight.command is None for flight in seen):
         seen = [dc.replace(flight, command=None) for flight in seen]
-    frame, parts = _frame(seen, prior, drive), _parts(seen, drive)
-    told, measured = trusted and mass is None, drive == "rotor_speed"
+    frame = _frame(seen, prior, drive)
+    parts = _parts(seen, drive)
+    told = trusted and mass is None
+    measured = drive == "rotor_speed"
     coefficient = prior.thrust_coefficient if told and measured else None
     newtons = told and drive == "command"
     known = parts | ({"trusted"} if coefficient is not None or newtons else {"mass"})
@@ -199,7 +205,8 @@ def trades(found: Identification) -> list[tuple[list[str], list[str]]]:
 
     pairs = []
     for own, other in itertools.combinations(dict.fromkeys(fields), 2):
-        (one, most), (two, more) = shared(own, other), shared(other, own)
+        one, most = shared(own, other)
+        two, more = shared(other, own)
         trading = one and two and max(most, more) > TRADE**2
         if trading and not all(q.told for q in (*one, *two)):
             pairs.append(([q.name for q in one], [q.name for q in two]))
@@ -208,9 +215,11 @@ def trades(found: Identification) -> list[tuple[list[str], list[str]]]:
 
 def doubts(found: Identification) -> list[str]:
     """Return what physics doubts of the values that flights tell, a sentence each."""
-    basis, frame = found.basis, found.basis.frame
+    basis = found.basis
+    frame = found.basis.frame
     weight = basis.mass_of(found.estimate.layout.values(found.estimate.z)) * G
-    unit, inertias = weight / G * frame.arm**2, published_priors().inertia.within(UNUSUAL)
+    unit = weight / G * frame.arm**2
+    inertias = published_priors().inertia.within(UNUSUAL)
     per_coefficient = (2 * np.pi) ** 2 / (AIR * (2 * frame.radius) ** 4)
     checks = {  # factor of the quantity, bounds, what they are of, remedy
         "thrust coefficient": (per_coefficient, THRUST_NUMBERS, *C_T),

@@ -50,7 +50,8 @@ class Frame:
 
 def inertia(v: Values) -> np.ndarray:
     """Return the inertia (3, 3) over mass and squared arm [1]."""
-    xx, yy = v["jxx"], v["jxx"] * v["jyy"]
+    xx = v["jxx"]
+    yy = v["jxx"] * v["jyy"]
     xy, xz, yz = (-0.5 * (xx + yy) * v[name] for name in ("jxy", "jxz", "jyz"))
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, min(v["jzz"], FLATTEST) * (xx + yy)]])
 
@@ -83,7 +84,8 @@ def target_speed(throttle: np.ndarray, linear: float, idle: float = 0.0) -> np.n
         linear: share of the curve's linear part [1].
         idle: rotor speed at no throttle, over the full one [1].
     """
-    u, idle = np.clip(throttle, 0.0, None), max(idle, 0.0)
+    u = np.clip(throttle, 0.0, None)
+    idle = max(idle, 0.0)
     return idle + (1.0 - idle) * np.sqrt(np.maximum((1.0 - linear) * u * u + linear * u, 0.0))
 
 
@@ -148,7 +150,9 @@ def means(t: np.ndarray, values: np.ndarray, starts: np.ndarray, stops: np.ndarr
     return (integral(stops) - integral(starts)) / (stops - starts)[:, None]
 
 
-FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
+FORCE = slice(0, 3)
+TORQUE = slice(3, 6)
+SPEED = slice(6, 10)
 # Of a rotor to its command.
 RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag", "full_speed", "slope", "bend")
 
@@ -157,7 +161,8 @@ class FlightModel:
     """Residual channels of one flight. What its parameters leave unchanged is kept."""
 
     def __init__(self, flight: Signals, frame: Frame):
-        self.flight, self.frame = flight, frame
+        self.flight = flight
+        self.frame = frame
         self.channels = 10 if flight.command is not None else 6
         self._relative = flight.input / frame.unit
         self._time = flight.instants - flight.t[0]
@@ -173,7 +178,8 @@ class FlightModel:
 
     def residual(self, v: Values) -> np.ndarray:
         """Return the channels (m, 6 or 10), measured less predicted."""
-        s, frame = self.flight, self.frame
+        s = self.flight
+        frame = self.frame
         rotors = self.rotors(v)
         tilt = np.array([v["tilt_x"], v["tilt_y"], v["tilt_z"]])
         twist = np.array([v["twist_x"], v["twist_y"], v["twist_z"]])
@@ -181,7 +187,8 @@ class FlightModel:
         # attitude may be the sensors' or markers'.
         turns = np.array([tilt, tilt + twist, [v["level_x"], v["level_y"], v["heading"]]])
         turn, gyro, level = attitude.rotation_matrix(attitude.from_rotation_vector(turns))
-        w, alpha = s.rate @ gyro.T, s.alpha @ gyro.T
+        w = s.rate @ gyro.T
+        alpha = s.alpha @ gyro.T
         flow = None if s.velocity is None else s.velocity @ level.T
         push, torque = self.wrench(v, w, flow, rotors)
         j = inertia(v) * frame.arm**2
@@ -233,7 +240,8 @@ class FlightModel:
         """Return the map (3, 4) from relative thrusts to torque over mass about the centre of mass
         [m²/s²].
         """
-        frame, arms = self.frame, self.frame.positions - self.center(v)
+        frame = self.frame
+        arms = self.frame.positions - self.center(v)
         # A motor that leans turns the vehicle about z, too.
         lean = frame.directions + v["lean_x"] * frame.patterns[0] + v["lean_y"] * frame.patterns[1]
         return self.gains(v) * np.stack(
@@ -252,7 +260,8 @@ class FlightModel:
             w: (m, 3) body rates [rad/s].
             u: (m, 3) velocity in body axes [m/s]; None: not known, and no wrench of the air.
         """
-        frame, torque = self.frame, rotors.thrust @ self.arms(v).T
+        frame = self.frame
+        torque = rotors.thrust @ self.arms(v).T
         # Angular momentum of the rotors, which turn against their reaction torques.
         momentum = v["rotor_momentum"] * inertia(v)[2, 2] * frame.arm**2
         h = momentum * (rotors.speed @ frame.directions)
@@ -302,7 +311,8 @@ class FlightModel:
         self, late: float, force_late: float, window: float, response: tuple[float, ...]
     ) -> "Rotors":
         t, speed = self._driven(response) if response else self._measured
-        edges, square = self._time - late, speed * speed
+        edges = self._time - late
+        square = speed * speed
         starts, stops = self._window(force_late, window)
         return Rotors(
             means(t, speed, edges[:-1], edges[1:]),
@@ -315,7 +325,9 @@ class FlightModel:
         """Return the fine grid (k,) [s] and the relative speeds (k, 4) there by the command,
         without dead time, for the values of `RESPONSE`.
         """
-        s, frame, (lag, ratio, curve, idle, sag, full, *form) = self.flight, self.frame, response
+        s = self.flight
+        frame = self.frame
+        lag, ratio, curve, idle, sag, full, *form = response
         if s.drive == "command":
             wanted = np.sqrt(self._relative)
         elif s.drive == "collective":
@@ -326,7 +338,8 @@ class FlightModel:
             wanted = full * target_speed(throttle, curve, idle) / hover
         if s.voltage is not None and frame.volts > 0:
             wanted = wanted * ((s.voltage / frame.volts) ** (0.5 * sag))[:, None]
-        wanted, grid = np.ascontiguousarray(wanted), self._grid
+        wanted = np.ascontiguousarray(wanted)
+        grid = self._grid
         return self._fine, lagged(wanted, grid.row, grid.step, lag, lag * ratio)
 
     def _make_telemetry(self, late: float, response: tuple[float, ...]) -> np.ndarray:

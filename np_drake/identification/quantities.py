@@ -136,7 +136,8 @@ def _linear(v: Values, b: Basis) -> float:
     share = float(target_speed(np.array(u), v["curve"], v["idle"])) ** 2
     if b.drive == "collective":
         idle = max(_without_thrust(v, b), 0.0)
-        u, share = (u - idle) / (1.0 - idle), b.hover_thrust(v) / _full(v, b)
+        u = (u - idle) / (1.0 - idle)
+        share = b.hover_thrust(v) / _full(v, b)
     return (share - u * u) / (u - u * u)
 
 
@@ -161,8 +162,11 @@ def _steepness(v: Values, b: Basis) -> float:
 ROLL = "roll and pitch doublets"
 YAW = "fast turns of the heading"
 BLIPS = "quick changes of height"
-MOTORS, SPEED, THROTTLE = ("motors",), ("speed",), ("throttle",)
-ROTORS, COLLECTIVE = ("rotors",), ("collective",)
+MOTORS = ("motors",)
+SPEED = ("speed",)
+THROTTLE = ("throttle",)
+ROTORS = ("rotors",)
+COLLECTIVE = ("collective",)
 ROTOR_GAINS = "calibration.rotor_gains"
 HEIGHTS = "climbs and descents"
 

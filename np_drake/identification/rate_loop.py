@@ -22,9 +22,8 @@ FORGOTTEN = 1.0
 BLOCK = 5.0
 FEWEST = 4  # blocks that give an interval [1]
 SURE = 1.96  # standard deviations of a 95 % interval
-LEAST = (
-    0.3  # correlation of command and rate below which a loop is not shown [1]; source: own choice
-)
+# correlation of command and rate below which a loop is not shown [1]; source: own choice
+LEAST = 0.3
 
 
 @dc.dataclass(frozen=True)
@@ -70,7 +69,8 @@ def _blocks(log: FlightLog, axis: int) -> list[_Block]:
     commanded = log.commanded_rates
     if commanded is None or len(log) < 2:
         return []
-    step, rows = log.step, max(int(BLOCK / log.step), 10)
+    step = log.step
+    rows = max(int(BLOCK / log.step), 10)
     whole = np.isfinite(commanded[:, axis]) & np.isfinite(log.w[:, axis])
     whole[1:] &= np.abs(np.diff(log.t) - step) < 0.5 * step
     parts = (slice(start, start + rows) for start in range(0, len(log) - rows + 1, rows))
@@ -90,9 +90,11 @@ def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:
     found = [_fit([*blocks[:k], *blocks[k + 1 :]], z)[:2] for k in range(len(blocks))]
     left = np.array([(_rise(part), g) for part, g in found])
     most = max(float(np.abs(block.command).max()) for block in blocks)
-    n, middle = len(blocks), np.array([_rise(z), gain])
+    n = len(blocks)
+    middle = np.array([_rise(z), gain])
     deviation = np.sqrt((n - 1) / n * np.sum((left - left.mean(axis=0)) ** 2, axis=0))
-    low, high = np.maximum(middle - SURE * deviation, 0.0), middle + SURE * deviation
+    low = np.maximum(middle - SURE * deviation, 0.0)
+    high = middle + SURE * deviation
     within = [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
     return AxisLoop(float(middle[0]), gain, within[0], within[1], most, share)
 
@@ -108,7 +110,8 @@ def _fit(blocks: Sequence[_Block], *starts: np.ndarray) -> tuple[np.ndarray, flo
         parts = []
         for block in blocks:
             late = min(int(FORGOTTEN / block.step), len(block.rate) // 2)
-            y, w = _response(block, z)[late:], block.rate[late:]
+            y = _response(block, z)[late:]
+            w = block.rate[late:]
             parts.append((y - y.mean(), w - w.mean()))
         y, w = (np.concatenate(values) for values in zip(*parts, strict=True))
         gain = float(y @ w) / max(float(y @ y), TINY)
@@ -132,12 +135,14 @@ def _response(block: _Block, z: np.ndarray) -> np.ndarray:
     """
     frequency, damping, delay = np.exp(z)
     a = np.array([[0.0, 1.0], [-(frequency**2), -2 * damping * frequency]])
-    b, c = np.array([[0.0], [frequency**2]]), np.array([[1.0, 0.0]])
+    b = np.array([[0.0], [frequency**2]])
+    c = np.array([[1.0, 0.0]])
     top, bottom = scipy.signal.ss2tf(
         *scipy.signal.cont2discrete((a, b, c, np.zeros((1, 1))), block.step)[:4]
     )
     whole, part = divmod(delay / block.step, 1.0)
-    n, first = len(block.rate), block.command[0]
+    n = len(block.rate)
+    first = block.command[0]
     command = np.concatenate([np.full(int(whole) + 1, first), block.command])[: n + 1]
     acting = part * command[:-1] + (1 - part) * command[1:]
     return first + scipy.signal.lfilter(top[0], bottom, acting - first)

@@ -32,7 +32,8 @@ def predict(
         every: between starts [s].
     """
     s = model.flight
-    steps, apart = max(1, round(seconds / s.step)), max(1, round(every / s.step))
+    steps = max(1, round(seconds / s.step))
+    apart = max(1, round(every / s.step))
     first = np.arange(0, len(s) - steps, apart)
     first = np.array([b for b in first if s.good[b : b + steps].all()], int)
     if not len(first):
@@ -43,7 +44,8 @@ def predict(
     x[:, 0:3] += R @ center
     x[:, 7:10] += np.einsum("sij,sj->si", R, np.cross(x[:, 10:13], center))
     rotors = model.rotors(v)
-    out, h = [x], s.step / SUBSTEPS
+    out = [x]
+    h = s.step / SUBSTEPS
     for k in range(steps):
         held = rotors.at(first + k)
         for _ in range(SUBSTEPS):
@@ -75,7 +77,8 @@ def _step(model: FlightModel, v: Values, x: np.ndarray, held: Rotors, h: float) 
 
 def _rate(model: FlightModel, v: Values, x: np.ndarray, held: Rotors) -> np.ndarray:
     """Return the rates of change (s, 13) of states x (s, 13), of the centre of mass."""
-    q, w = x[:, 3:7], x[:, 10:13]
+    q = x[:, 3:7]
+    w = x[:, 10:13]
     u = attitude.rotate_back(q, x[:, 7:10])
     push, torque = model.wrench(v, w, u, held)
     push[:, 2] += held.thrust @ model.gains(v)
@@ -119,7 +122,9 @@ def vehicle_values(
         mass: with which forces are divided [kg].
         fixed: parameters of which a file says nothing, by name; they count as absent.
     """
-    J, arm, c = vehicle.J, frame.arm, vehicle.calibration
+    J = vehicle.J
+    arm = frame.arm
+    c = vehicle.calibration
     xx, yy, zz = np.diag(J) / (mass * arm**2)
     mean = 0.5 * (xx + yy)
     xy, xz, yz = (-J[i, k] / (mass * arm**2) / mean for i, k in ((0, 1), (0, 2), (1, 2)))
@@ -217,7 +222,8 @@ def adapted(
         part: share of the flight that counts, first and last [1].
     """
     first, last = part
-    flight, frame = signals(log, found.prior.unmixer, found.basis.drive), found.basis.frame
+    flight = signals(log, found.prior.unmixer, found.basis.drive)
+    frame = found.basis.frame
     begin = first + min(ADAPTED / (log.t[-1] - log.t[0]), LARGEST_SHARE * (last - first))
     early = FlightModel(flight.part(first, begin), frame)
     layouts = {n: Layout((), found.estimate.layout.own, 1, v) for n, v in rows.items()}

@@ -57,9 +57,8 @@ MOST_ROWS = 60_000  # of a flight; own choice: the deviation is then far below a
 # lag that filters of a healthy estimator have [s]; own choice: 12 ms at most in real campaigns
 HEALTHY = 0.015
 SURE = 8.0  # standard deviations from which a lag is no chance [1]; own choice
-BETTER = (
-    2.0  # factor by which signals disagree less without it [1]; own choice: 1.6 at most in these
-)
+# factor by which signals disagree less without it [1]; own choice: 1.6 at most in these
+BETTER = 2.0
 STATES = (  # state, its rate of change, and the name of that
     ("attitude", "rates", "body rates"),
     ("velocity", "acceleration", "acceleration"),
@@ -132,17 +131,17 @@ def lag_of(late: str, early: str, y: Signal, x: Signal) -> Lag | None:
         y: (n, k).
         x: (m, k).
     """
-    start, stop = max(y.t[0], x.t[0]) + LONGEST_LAG, min(y.t[-1], x.t[-1]) - LONGEST_LAG
+    start = max(y.t[0], x.t[0]) + LONGEST_LAG
+    stop = min(y.t[-1], x.t[-1]) - LONGEST_LAG
     parts = min(PARTS, int((stop - start) / LEAST_PART))
     if parts < 3:
         return None
     t = np.arange(start, stop, max(FINEST, x.step, (stop - start) / MOST_ROWS))
     around = np.arange(start - LONGEST_LAG, stop + LONGEST_LAG, t[1] - t[0])
-    own, other = y.averaged(t, WIDTH), Signal(around, x.averaged(around, WIDTH))
-    own, other = (
-        own - own.mean(axis=0),
-        dc.replace(other, values=other.values - other.values.mean(axis=0)),
-    )
+    own = y.averaged(t, WIDTH)
+    other = Signal(around, x.averaged(around, WIDTH))
+    own = own - own.mean(axis=0)
+    other = dc.replace(other, values=other.values - other.values.mean(axis=0))
     moved = (other.linear(t - shift) for shift in SHIFTS)
     cuts = np.linspace(0, len(t), parts, endpoint=False).astype(int)
     # Moments of both by shift, moment, part and axis.
@@ -171,7 +170,9 @@ def _best(moments: np.ndarray) -> tuple[float, np.ndarray]:
     part.
     """
     n, sx, sy, sxx, sxy, syy = np.moveaxis(moments, 1, 0)
-    xx, xy, yy = sxx - sx**2 / n, sxy - sx * sy / n, syy - sy**2 / n
+    xx = sxx - sx**2 / n
+    xy = sxy - sx * sy / n
+    yy = syy - sy**2 / n
     r2 = np.maximum(xy, 0) ** 2 / (np.maximum(xx, 1e-12) * np.maximum(yy, 1e-12))
     weight = r2.max(axis=0) / np.maximum(1 - r2.max(axis=0), 1e-3)
     score = r2 @ weight / max(float(weight.sum()), 1e-12)
@@ -194,10 +195,8 @@ def on_one_clock(
         return parts, log_map, []
     lags = state_lags(in_frames(longest, log_map, []))
     late = {name: lag.beyond_doubt for name, lag in lags.items()}
-    turned, moved = (
-        late.get("attitude", 0.0) * (log_map.attitude.late is None),
-        lags.get("velocity"),
-    )
+    turned = late.get("attitude", 0.0) * (log_map.attitude.late is None)
+    moved = lags.get("velocity")
     if moved is None or abs(moved.seconds - turned) < (
         HEALTHY if late["velocity"] else abs(moved.seconds)
     ):

@@ -297,7 +297,8 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     Every column of the fields is interpolated linearly, but a command is held.
     """
     t = table.columns["t"]
-    interval, step = np.diff(t), _usual(t)
+    interval = np.diff(t)
+    step = _usual(t)
     gaps = np.flatnonzero(interval > GAP * step)
     if not gaps.size:
         return table, _marked(table)
@@ -310,7 +311,8 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     new["t"][bridged] = np.concatenate(fills)
     for field in fields:
         for name in FIELDS[field]:
-            held, drawn = known[name][where - 1], np.interp(new["t"][bridged], t, known[name])
+            held = known[name][where - 1]
+            drawn = np.interp(new["t"][bridged], t, known[name])
             new[name][bridged] = held if field in HELD else drawn
     norm = np.where(bridged, np.linalg.norm([new[name] for name in COLUMNS["q"]], axis=0), 1.0)
     new |= {name: new[name] / norm for name in COLUMNS["q"]}

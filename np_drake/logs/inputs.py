@@ -19,7 +19,8 @@ from np_drake.vehicle.vehicle import VOLTAGE, PowerMap, ThrottleMap
 EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]
 # Prior of the exponent, mean and deviation [1]. Source: a linearised motor has 1; a propeller's
 # thrust goes with the square of its speed, and speed with voltage.
-USUAL, SCATTER = 1.5, 0.5
+USUAL = 1.5
+SCATTER = 0.5
 # share by which a voltage may differ from its median within a flight [1]; source: own choice
 BELIEVED = 0.3
 NOTE = "thrust from throttle"
@@ -109,7 +110,8 @@ def _with_scatter(
     known: PowerMap, groups: Sequence[Sequence[FlightLog]], gravity: float
 ) -> PowerMap:
     """Return the map with the scatter of thrust between the flights of each group."""
-    squares, freedom = 0.0, 0
+    squares = 0.0
+    freedom = 0
     for flights in filter(None, groups):
         thrust = np.log(
             [_lifted(log, gravity, known.volts).scale(known.exponent) for log in flights]
@@ -235,9 +237,8 @@ def _loss(flights: Sequence[_Lifted], exponent: float) -> float:
 
 GUESS = 0.1  # `thrust_uncertainty` from which a thrust coefficient is a guess [1]; own choice
 LEAST_SPEED = 10.0  # speed of a rotor that turns [rad/s]
-MOST_DEVIATIONS = (
-    3.0  # of the file's uncertainty beyond which its coefficient is another vehicle's [1]
-)
+# of the file's uncertainty beyond which its coefficient is another vehicle's [1]
+MOST_DEVIATIONS = 3.0
 COEFFICIENT_NOTE = "thrust coefficient"
 FAR = f"{COEFFICIENT_NOTE} of another vehicle"  # beginning of a note that says so
 
@@ -304,7 +305,8 @@ def _speed_and_lift(logs: Sequence[FlightLog], vehicle: Vehicle) -> tuple[np.nda
     """Return the sum of squared rotor speeds (n,) and the lift (n,) [N] in the rows in which rotors
     turn.
     """
-    squares, lifts = [np.empty(0)], [np.empty(0)]
+    squares = [np.empty(0)]
+    lifts = [np.empty(0)]
     for log in logs:
         turning = log.rotor.mean(axis=1) > LEAST_SPEED  # type: ignore[union-attr]
         lift = lift_over_weight(log.t, log.v, log.q, vehicle.gravity)
@@ -323,7 +325,8 @@ def inputs_of(log: FlightLog) -> list[str]:
     """Return the inputs that a log has, the best known first: a whole command, rotor speed, thrust,
     throttle.
     """
-    thrust, torque = np.isfinite(log.u[:, 0]).any(), np.isfinite(log.u[:, 1:]).any()
+    thrust = np.isfinite(log.u[:, 0]).any()
+    torque = np.isfinite(log.u[:, 1:]).any()
     present = {
         "command": thrust and torque,
         "rotor_speed": log.rotor is not None,
@@ -350,7 +353,8 @@ def with_vehicle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
         vehicle: that turns rotor speed or throttle into thrust and torque.
     Raises: LogError: if a throttle never carries the vehicle.
     """
-    chosen, wanted = chosen_input(log, vehicle), vehicle.input
+    chosen = chosen_input(log, vehicle)
+    wanted = vehicle.input
     if wanted not in (chosen, "command"):
         note = (
             f"no {WORDS[wanted]}: thrust and torque from {WORDS[chosen]}, though vehicle "

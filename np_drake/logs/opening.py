@@ -148,12 +148,10 @@ def _driven(found: Opened, given: Vehicle | None, seen: Seen | None) -> Opened:
     return dc.replace(found, flights=flights)
 
 
-SHORTEST_COMMON = (
-    1.0  # time that two logs have in common, below which they are not of one run [s]; own choice
-)
-WHOLE = (
-    0.99  # share of a flight that a neighbour covers, below which a note says so [1]; own choice
-)
+# time that two logs have in common, below which they are not of one run [s]; own choice
+SHORTEST_COMMON = 1.0
+# share of a flight that a neighbour covers, below which a note says so [1]; own choice
+WHOLE = 0.99
 HOW = "Give the two logs of one run, with positions in one frame and times of one clock"
 
 
@@ -249,7 +247,10 @@ def _checked(log: FlightLog, path: Neighbour, least: float) -> str:
 
 SHORTEST = 3.0  # part of a flight that can be diagnosed [s]
 VEHICLE = "vehicle.yaml"
-TRAIN, HELD_OUT, BEFORE = "train_", "heldout", "before"  # starts of file names
+# starts of file names
+TRAIN = "train_"
+HELD_OUT = "heldout"
+BEFORE = "before"
 
 
 @dc.dataclass(frozen=True)
@@ -350,7 +351,8 @@ def _parts(found: Opened) -> list[FlightLog]:
 
     Parts shorter than `SHORTEST` are left out, unless all are, and the notes say so.
     """
-    parts, path = found.flights, found.path
+    parts = found.flights
+    path = found.path
     if len(parts) == 1:
         return [dc.replace(parts[0], name=path.name)]
     kept = [log for log in parts if log.t[-1] - log.t[0] >= SHORTEST] or parts

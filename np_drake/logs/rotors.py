@@ -25,16 +25,10 @@ from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rotor_layout import NEAR, RotorLayout, RotorName, places, rotor_names
 
-BAND = (
-    0.7,
-    8.0,
-)  # in which torques are compared [Hz]; own choice: above trim and drift, below most noise
-DELAYS = (
-    0.0,
-    0.02,
-    0.04,
-    0.06,
-)  # of thrust behind a commanded throttle that are tried [s]; own choice
+# in which torques are compared [Hz]; own choice: above trim and drift, below most noise
+BAND = 0.7, 8.0
+# of thrust behind a commanded throttle that are tried [s]; own choice
+DELAYS = 0.0, 0.02, 0.04, 0.06
 LEAST_SECONDS = 3.0  # of a flight whose torque is looked at [s]; own choice
 # Size of w x J w over that of all that turns the vehicle, from which it spins [1]; own choice: a
 # half. There the inertia counts, which may be a guess.
@@ -177,7 +171,8 @@ def _in_band(
     """
     step = log.step
     t = np.arange(log.t[0], log.t[-1], step)
-    w, even = Signal(log.t, log.w).linear(t), Signal(log.t, columns)
+    w = Signal(log.t, log.w).linear(t)
+    even = Signal(log.t, columns)
     twist = np.cross(w, w @ vehicle.J.T)
     turn = np.gradient(w, step, axis=0) @ vehicle.J.T + twist
     sos = scipy.signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
@@ -372,7 +367,8 @@ def board_turn(order: RotorOrder, vehicle: Vehicle) -> int:
     places = np.array(vehicle.rotor_positions, float)[:, :2] @ [1.0, 1.0j]  # x + i y
     if order.directions != given(vehicle)[1]:
         return 0
-    seen, most = places[list(order.rotors)], NEAR * np.abs(places).mean()
+    seen = places[list(order.rotors)]
+    most = NEAR * np.abs(places).mean()
     fits = (
         angle
         for angle, by in {90: -1.0j, -90: 1.0j, 180: -1.0}.items()
@@ -429,7 +425,8 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
             motors=(),
             notes=[*log.notes, f"the balance of the rotors is not used: {error}"],
         )
-    layout, log = log.layout, dc.replace(log, layout=None)
+    layout = log.layout
+    log = dc.replace(log, layout=None)
     if order == list(range(4)):
         return log
     taken = ", ".join(log.motors[i] if log.motors else f"{i + 1} of the log" for i in order)

@@ -95,7 +95,8 @@ class Condensed:
     """
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
-        self.vehicle, self.config = vehicle, config
+        self.vehicle = vehicle
+        self.config = config
         self.actuation = by = Actuation.of(vehicle, config.command)
         self.R = by.input_weights(config)
         self.objective = Objective(config, self.R)
@@ -103,7 +104,8 @@ class Condensed:
         self.prepare = Preparation(vehicle, config)
         n = config.horizon
         self.size = 4 * n
-        self._mixer, self._Q = np.ascontiguousarray(by.mixer, float), config.Q
+        self._mixer = np.ascontiguousarray(by.mixer, float)
+        self._Q = config.Q
         self._Q_root = np.sqrt(config.Q)
         # Of rotors that lag: shares of the inputs so far, and of what acted before, in the mean
         # over each stage
@@ -131,13 +133,15 @@ class Condensed:
         """
         u = np.ascontiguousarray(T @ self._mixer.T)
         acting = self._shares @ u + np.outer(self._faded, h.acting)
-        chi, x = h.free.copy(), np.empty((self.config.horizon + 1, STATE_SIZE))
+        chi = h.free.copy()
+        x = np.empty((self.config.horizon + 1, STATE_SIZE))
         x[0] = h.x0
         if h.reaction is None:
             self.dynamics.rollout(x, acting, chi, h.markov)
         else:
             self._rollout_with_reaction(h, h.reaction, x, acting, chi)
-        cost, excess = self.objective.cost(h, x, acting, chi), self.objective.excess(h, x)
+        cost = self.objective.cost(h, x, acting, chi)
+        excess = self.objective.excess(h, x)
         beyond = (u - acting) * (u + acting - 2 * h.u_ref) * self.R
         cost += _COMMANDED * float(beyond.sum())
         slacks = self.objective.slacks(excess)
@@ -248,9 +252,12 @@ def _feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
 
     The wrench is that before any planned motion.
     """
-    vehicle, by = condensed.vehicle, condensed.actuation
-    bound, unit = np.full(13, np.inf), ratios(vehicle)
-    bound[0:3], bound[7:10] = _REACH * unit.length, _PACE * (unit.length / unit.time)
+    vehicle = condensed.vehicle
+    by = condensed.actuation
+    bound = np.full(13, np.inf)
+    unit = ratios(vehicle)
+    bound[0:3] = _REACH * unit.length
+    bound[7:10] = _PACE * (unit.length / unit.time)
     T = np.empty_like(h.u_ref)
     x = h.x0
     for i in range(len(T)):
@@ -277,7 +284,8 @@ def _sensitivities(Fx, Fu, shares, markov, own, S, chi):
         S: (N, 13, 4N) to be written.
         chi: (6, 4N) workspace.
     """
-    known, reacts = markov.shape[1], len(own) > 0
+    known = markov.shape[1]
+    reacts = len(own) > 0
     for i in range(len(Fx)):
         size = 4 * i
         # S_(i+1) = Fx S_i + Fchi dchi_i/dT + Fu shares_i, where input i acts from stage i on
@@ -304,15 +312,13 @@ def _sensitivities(Fx, Fu, shares, markov, own, S, chi):
 def _move(F, before, after, size):
     """Write dF/dx times `before` (13, …) to `after`."""
     for row in range(13):
-        w, i, j, k, a, b, c = (
-            F[row, 3],
-            F[row, 4],
-            F[row, 5],
-            F[row, 6],
-            F[row, 10],
-            F[row, 11],
-            F[row, 12],
-        )
+        w = F[row, 3]
+        i = F[row, 4]
+        j = F[row, 5]
+        k = F[row, 6]
+        a = F[row, 10]
+        b = F[row, 11]
+        c = F[row, 12]
         if row < 3:
             h = F[row, 7 + row]
             for col in range(size):
@@ -345,14 +351,12 @@ def _drive(markov, first, S, i, chi):
 def _six_rows(M, at, S, size, out):
     """Add M[:, at:at+6] times dzeta/dT, rows 7 … 12 of S, to out (6, …)."""
     for row in range(6):
-        a, b, c, d, e, f = (
-            M[row, at],
-            M[row, at + 1],
-            M[row, at + 2],
-            M[row, at + 3],
-            M[row, at + 4],
-            M[row, at + 5],
-        )
+        a = M[row, at]
+        b = M[row, at + 1]
+        c = M[row, at + 2]
+        d = M[row, at + 3]
+        e = M[row, at + 4]
+        f = M[row, at + 5]
         for col in range(size):
             out[row, col] += (
                 a * S[7, col]
@@ -368,7 +372,9 @@ def _six_rows(M, at, S, size, out):
 def _push(F, chi, S, size):
     """Add dF/dchi times chi (6, …) to S (13, …)."""
     for row in range(13):
-        a, b, c = F[row, 16], F[row, 17], F[row, 18]
+        a = F[row, 16]
+        b = F[row, 17]
+        c = F[row, 18]
         if row < 3 or 7 <= row < 10:
             axis = row if row < 3 else row - 7
             h = F[row, 13 + axis]
@@ -406,7 +412,8 @@ def _weigh_end(S, root, out):
         root: (13, 13), F with F'F = P.
         out: (…, 4N).
     """
-    last, first = S[len(S) - 1], len(out) - 13
+    last = S[len(S) - 1]
+    first = len(out) - 13
     for row in range(13):
         out[first + row] = 0.0
         for s in range(13):

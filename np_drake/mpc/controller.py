@@ -54,9 +54,12 @@ class MpcController:
         period: float = 0.02,
         deadline: float = np.inf,
     ):
-        self.vehicle, self.config, self.solver = vehicle, config.check(), solver
+        self.vehicle = vehicle
+        self.config = config.check()
+        self.solver = solver
         self.actuation = Actuation.of(vehicle, config.command)
-        self.period, self.deadline = period, deadline
+        self.period = period
+        self.deadline = deadline
         self._decay = lag_shares(self.actuation.rotor_lag, period)[1]
 
     def initial_memory(self) -> ControllerMemory:
@@ -88,7 +91,8 @@ class MpcController:
             t: of the measurement [s].
             acting: as of `MpcProblem`.
         """
-        N, by = self.config.horizon, self.actuation
+        N = self.config.horizon
+        by = self.actuation
         forecast = forecast or constant_forecast(np.zeros(6), N)
         forecast = forecast if by.loop is None else forecast.force_alone()
         x = x if forecast.start is None else forecast.start
@@ -177,7 +181,8 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
     part = max(elapsed / step - whole, 0.0)
     x = _blend(plan.x, whole, part)
     x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
-    u, chi = _blend(plan.u, whole, part), _blend(plan.chi, whole, part)
+    u = _blend(plan.u, whole, part)
+    chi = _blend(plan.chi, whole, part)
     status = MpcStatus.SHIFTED_PLAN
     return dc.replace(plan, u=u, x=x, chi=chi, status=status, solve_time=0.0, iterations=0)
 

@@ -54,7 +54,8 @@ class Actuation:
         Raises: ValueError: where the vehicle file names no rate loop, and rates are to be
             commanded.
         """
-        J_inv, top = np.linalg.inv(vehicle.J), vehicle.max_rotor_thrust
+        J_inv = np.linalg.inv(vehicle.J)
+        top = vehicle.max_rotor_thrust
         if command not in COMMANDS:
             raise ValueError(
                 f"Actuation: command must be one of {', '.join(COMMANDS)}; got {command!r}."
@@ -75,7 +76,8 @@ class Actuation:
                 f"Actuation: vehicle {vehicle.name!r} must have a rate_loop for commanded "
                 f"body rates; it has none."
             )
-        mixer, most = np.eye(4), np.array(loop.max_rate, float)
+        mixer = np.eye(4)
+        most = np.array(loop.max_rate, float)
         mixer[1:, 1:] = vehicle.J @ np.diag(np.array(loop.gain) / np.array(loop.lag))
         return cls(
             mixer,
@@ -149,7 +151,8 @@ class DiscreteDynamics:
     """
 
     def __init__(self, vehicle: Vehicle, step: float, actuation: Actuation | None = None):
-        self.vehicle, self.step = vehicle, step
+        self.vehicle = vehicle
+        self.step = step
         by = actuation or Actuation.of(vehicle)
         self._body = (
             float(step),
@@ -205,39 +208,78 @@ def _advance(x, u, chi, step, mass, gravity, J, J_inv, damping, out):
     """Write the state (13,) after one step of Runge and Kutta into `out`; u (4,) [N, N·m], chi (6,)
     [N, N·m].
     """
-    w, i, j, k, a, b, c = x[3], x[4], x[5], x[6], x[10], x[11], x[12]
-    tau_x, tau_y, tau_z = u[1] + chi[3], u[2] + chi[4], u[3] + chi[5]
+    w = x[3]
+    i = x[4]
+    j = x[5]
+    k = x[6]
+    a = x[10]
+    b = x[11]
+    c = x[12]
+    tau_x = u[1] + chi[3]
+    tau_y = u[2] + chi[4]
+    tau_z = u[3] + chi[5]
     vx = vy = vz = px = py = pz = 0.0
     sw = si = sj = sk = sa = sb = sc = 0.0
     for stage in range(4):
-        weight, in_p = _WEIGHT_V[stage], _WEIGHT_P[stage]
-        zx, zy, zz = 2 * (i * k + w * j), 2 * (j * k - w * i), w * w - i * i - j * j + k * k
+        weight = _WEIGHT_V[stage]
+        in_p = _WEIGHT_P[stage]
+        zx = 2 * (i * k + w * j)
+        zy = 2 * (j * k - w * i)
+        zz = w * w - i * i - j * j + k * k
         hx, hy, hz = times(J, a, b, c)
-        tx, ty, tz = tau_x - b * hz + c * hy, tau_y - c * hx + a * hz, tau_z - a * hy + b * hx
+        tx = tau_x - b * hz + c * hy
+        ty = tau_y - c * hx + a * hz
+        tz = tau_z - a * hy + b * hx
         da, db, dc = times(J_inv, tx, ty, tz)
-        da, db, dc = da - damping[0] * a, db - damping[1] * b, dc - damping[2] * c
-        dw, di = 0.5 * (-i * a - j * b - k * c), 0.5 * (w * a + j * c - k * b)
-        dj, dk = 0.5 * (w * b + k * a - i * c), 0.5 * (w * c + i * b - j * a)
-        vx, vy, vz = vx + weight * zx, vy + weight * zy, vz + weight * zz
-        px, py, pz = px + in_p * zx, py + in_p * zy, pz + in_p * zz
-        sw, si, sj, sk = sw + weight * dw, si + weight * di, sj + weight * dj, sk + weight * dk
-        sa, sb, sc = sa + weight * da, sb + weight * db, sc + weight * dc
+        da = da - damping[0] * a
+        db = db - damping[1] * b
+        dc = dc - damping[2] * c
+        dw = 0.5 * (-i * a - j * b - k * c)
+        di = 0.5 * (w * a + j * c - k * b)
+        dj = 0.5 * (w * b + k * a - i * c)
+        dk = 0.5 * (w * c + i * b - j * a)
+        vx = vx + weight * zx
+        vy = vy + weight * zy
+        vz = vz + weight * zz
+        px = px + in_p * zx
+        py = py + in_p * zy
+        pz = pz + in_p * zz
+        sw = sw + weight * dw
+        si = si + weight * di
+        sj = sj + weight * dj
+        sk = sk + weight * dk
+        sa = sa + weight * da
+        sb = sb + weight * db
+        sc = sc + weight * dc
         h = _AHEAD[stage] * step
-        w, i, j, k = x[3] + h * dw, x[4] + h * di, x[5] + h * dj, x[6] + h * dk
-        a, b, c = x[10] + h * da, x[11] + h * db, x[12] + h * dc
+        w = x[3] + h * dw
+        i = x[4] + h * di
+        j = x[5] + h * dj
+        k = x[6] + h * dk
+        a = x[10] + h * da
+        b = x[11] + h * db
+        c = x[12] + h * dc
     # Runge and Kutta: x + h/6 (k_1 + 2 k_2 + 2 k_3 + k_4); for p it is h v + h²/6 (a_1 + a_2 + a_3)
-    sixth, half = step / 6, step * step / 2
-    f_v, f_p = sixth * u[0] / mass, step * sixth * u[0] / mass
-    ax, ay, az = chi[0] / mass, chi[1] / mass, chi[2] / mass - gravity
+    sixth = step / 6
+    half = step * step / 2
+    f_v = sixth * u[0] / mass
+    f_p = step * sixth * u[0] / mass
+    ax = chi[0] / mass
+    ay = chi[1] / mass
+    az = chi[2] / mass - gravity
     out[0] = x[0] + step * x[7] + f_p * px + half * ax
     out[1] = x[1] + step * x[8] + f_p * py + half * ay
     out[2] = x[2] + step * x[9] + f_p * pz + half * az
-    out[3], out[4] = x[3] + sixth * sw, x[4] + sixth * si
-    out[5], out[6] = x[5] + sixth * sj, x[6] + sixth * sk
+    out[3] = x[3] + sixth * sw
+    out[4] = x[4] + sixth * si
+    out[5] = x[5] + sixth * sj
+    out[6] = x[6] + sixth * sk
     out[7] = x[7] + f_v * vx + step * ax
     out[8] = x[8] + f_v * vy + step * ay
     out[9] = x[9] + f_v * vz + step * az
-    out[10], out[11], out[12] = x[10] + sixth * sa, x[11] + sixth * sb, x[12] + sixth * sc
+    out[10] = x[10] + sixth * sa
+    out[11] = x[11] + sixth * sb
+    out[12] = x[12] + sixth * sc
 
 
 @compiled
@@ -250,8 +292,12 @@ def _respond(x, markov, i, chi):
     for j in range(i):
         for s in range(6):
             zeta = x[j, 7 + s]
-            a, b, c = a + markov[0, at] * zeta, b + markov[1, at] * zeta, c + markov[2, at] * zeta
-            d, e, f = d + markov[3, at] * zeta, e + markov[4, at] * zeta, f + markov[5, at] * zeta
+            a = a + markov[0, at] * zeta
+            b = b + markov[1, at] * zeta
+            c = c + markov[2, at] * zeta
+            d = d + markov[3, at] * zeta
+            e = e + markov[4, at] * zeta
+            f = f + markov[5, at] * zeta
             at += 1
     chi[0], chi[1], chi[2] = chi[0] + a, chi[1] + b, chi[2] + c
     chi[3], chi[4], chi[5] = chi[3] + d, chi[4] + e, chi[5] + f
@@ -262,7 +308,8 @@ def _rollout(x, u, chi, markov, step, mass, gravity, J, J_inv, damping):
     """Write x_1 … x_N of the states x (N+1, 13) under u (N, 4), and add to chi (N, 6) what the
     motion drives.
     """
-    n, known = len(u), markov.shape[1]
+    n = len(u)
+    known = markov.shape[1]
     for i in range(n):
         if known:
             _respond(x, markov, i, chi[i])
@@ -275,20 +322,35 @@ def _linearise(x, u, chi, step, mass, J, J_inv, damping, Fx, Fu):
     from each x (N, 13).
     """
     D = np.zeros((7, 10))  # d(q, w) of the current stage over (q, w, tau) at its start
-    rate, total = np.zeros((7, 10)), np.zeros((7, 10))
-    M, turn = np.zeros((7, 7)), np.zeros((3, 3))
-    z, in_v, in_p = np.zeros((3, 10)), np.zeros((3, 10)), np.zeros((3, 10))
+    rate = np.zeros((7, 10))
+    total = np.zeros((7, 10))
+    M = np.zeros((7, 7))
+    turn = np.zeros((3, 3))
+    z = np.zeros((3, 10))
+    in_v = np.zeros((3, 10))
+    in_p = np.zeros((3, 10))
     sixth = step / 6
     for n in range(len(x)):
         r = np.zeros(7)
-        r[:4], r[4:] = x[n, 3:7], x[n, 10:13]
+        r[:4] = x[n, 3:7]
+        r[4:] = x[n, 10:13]
         start = r.copy()
-        D[:], total[:], in_v[:], in_p[:] = 0.0, 0.0, 0.0, 0.0
-        axis_v, axis_p = np.zeros(3), np.zeros(3)
+        D[:] = 0.0
+        total[:] = 0.0
+        in_v[:] = 0.0
+        in_p[:] = 0.0
+        axis_v = np.zeros(3)
+        axis_p = np.zeros(3)
         for c in range(7):
             D[c, c] = 1.0
         for stage in range(4):
-            w, i, j, k, a, b, c_ = r[0], r[1], r[2], r[3], r[4], r[5], r[6]
+            w = r[0]
+            i = r[1]
+            j = r[2]
+            k = r[3]
+            a = r[4]
+            b = r[5]
+            c_ = r[6]
             _rotation_jacobian(r, J, J_inv, damping, M, turn)
             for row in range(7):
                 rate[row] = 0.0
@@ -300,11 +362,16 @@ def _linearise(x, u, chi, step, mass, J, J_inv, damping, Fx, Fu):
                     rate[4 + row, 7 + col] += J_inv[row, col]
             axis = (2 * (i * k + w * j), 2 * (j * k - w * i), w * w - i * i - j * j + k * k)
             for col in range(10):
-                dw, di, dj, dk = D[0, col], D[1, col], D[2, col], D[3, col]
+                dw = D[0, col]
+                di = D[1, col]
+                dj = D[2, col]
+                dk = D[3, col]
                 z[0, col] = 2 * (j * dw + k * di + w * dj + i * dk)
                 z[1, col] = 2 * (-i * dw - w * di + k * dj + j * dk)
                 z[2, col] = 2 * (w * dw - i * di - j * dj + k * dk)
-            weight, weight_p, ahead = _WEIGHT_V[stage], _WEIGHT_P[stage], _AHEAD[stage] * step
+            weight = _WEIGHT_V[stage]
+            weight_p = _WEIGHT_P[stage]
+            ahead = _AHEAD[stage] * step
             for row in range(3):
                 axis_v[row] += weight * axis[row]
                 axis_p[row] += weight_p * axis[row]
@@ -328,14 +395,16 @@ def _linearise(x, u, chi, step, mass, J, J_inv, damping, Fx, Fu):
                     total[row, col] += weight * rate[row, col]
                     D[row, col] = ahead * rate[row, col]
                 D[row, row] += 1.0
-        push_v, push_p = sixth * u[n, 0] / mass, step * sixth * u[n, 0] / mass
+        push_v = sixth * u[n, 0] / mass
+        push_p = step * sixth * u[n, 0] / mass
         for row in range(3):
-            Fx[n, row, row], Fx[n, row, 7 + row], Fx[n, 7 + row, 7 + row] = 1.0, step, 1.0
-            Fx[n, row, 13 + row], Fx[n, 7 + row, 13 + row] = 0.5 * step * step / mass, step / mass
-            Fu[n, row, 0], Fu[n, 7 + row, 0] = (
-                step * sixth * axis_p[row] / mass,
-                sixth * axis_v[row] / mass,
-            )
+            Fx[n, row, row] = 1.0
+            Fx[n, row, 7 + row] = step
+            Fx[n, 7 + row, 7 + row] = 1.0
+            Fx[n, row, 13 + row] = 0.5 * step * step / mass
+            Fx[n, 7 + row, 13 + row] = step / mass
+            Fu[n, row, 0] = step * sixth * axis_p[row] / mass
+            Fu[n, 7 + row, 0] = sixth * axis_v[row] / mass
             _place(Fx[n, row], Fu[n, row], in_p[row], push_p)
             _place(Fx[n, 7 + row], Fu[n, 7 + row], in_v[row], push_v)
             _place(Fx[n, 10 + row], Fu[n, 10 + row], total[4 + row], sixth)
@@ -361,15 +430,37 @@ def _place(row_x, row_u, over, factor):
 @compiled
 def _rotation_jacobian(r, J, J_inv, damping, M, turn):
     """Write the Jacobian M (7, 7) of the rate of (q, w) at r (7,); `turn` (3, 3) is a workspace."""
-    w, i, j, k, a, b, c = r[0], r[1], r[2], r[3], r[4], r[5], r[6]
-    M[0, 1], M[0, 2], M[0, 3] = -0.5 * a, -0.5 * b, -0.5 * c
-    M[1, 0], M[1, 2], M[1, 3] = 0.5 * a, 0.5 * c, -0.5 * b
-    M[2, 0], M[2, 1], M[2, 3] = 0.5 * b, -0.5 * c, 0.5 * a
-    M[3, 0], M[3, 1], M[3, 2] = 0.5 * c, 0.5 * b, -0.5 * a
-    M[0, 4], M[0, 5], M[0, 6] = -0.5 * i, -0.5 * j, -0.5 * k
-    M[1, 4], M[1, 5], M[1, 6] = 0.5 * w, -0.5 * k, 0.5 * j
-    M[2, 4], M[2, 5], M[2, 6] = 0.5 * k, 0.5 * w, -0.5 * i
-    M[3, 4], M[3, 5], M[3, 6] = -0.5 * j, 0.5 * i, 0.5 * w
+    w = r[0]
+    i = r[1]
+    j = r[2]
+    k = r[3]
+    a = r[4]
+    b = r[5]
+    c = r[6]
+    M[0, 1] = -0.5 * a
+    M[0, 2] = -0.5 * b
+    M[0, 3] = -0.5 * c
+    M[1, 0] = 0.5 * a
+    M[1, 2] = 0.5 * c
+    M[1, 3] = -0.5 * b
+    M[2, 0] = 0.5 * b
+    M[2, 1] = -0.5 * c
+    M[2, 3] = 0.5 * a
+    M[3, 0] = 0.5 * c
+    M[3, 1] = 0.5 * b
+    M[3, 2] = -0.5 * a
+    M[0, 4] = -0.5 * i
+    M[0, 5] = -0.5 * j
+    M[0, 6] = -0.5 * k
+    M[1, 4] = 0.5 * w
+    M[1, 5] = -0.5 * k
+    M[1, 6] = 0.5 * j
+    M[2, 4] = 0.5 * k
+    M[2, 5] = 0.5 * w
+    M[2, 6] = -0.5 * i
+    M[3, 4] = -0.5 * j
+    M[3, 5] = 0.5 * i
+    M[3, 6] = 0.5 * w
     hx, hy, hz = times(J, a, b, c)
     for col in range(3):  # -(w x J - (J w) x)
         turn[0, col] = c * J[1, col] - b * J[2, col]

@@ -17,9 +17,8 @@ from np_drake.vehicle import Vehicle
 
 _CONTROLLABLE = np.delete(np.arange(13), 3)  # all states but q_w, which no input moves at hover
 _DEFINITE = 1e-12  # of the largest weight, so that the factor exists
-_FLOOR = (
-    1e-4  # of a weight, where zero would leave the Riccati equation without a stabilising solution
-)
+# of a weight, where zero would leave the Riccati equation without a stabilising solution
+_FLOOR = 1e-4
 
 
 def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.ndarray]:
@@ -32,9 +31,12 @@ def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.
     model = DiscreteDynamics(vehicle, config.step, by).linearise(
         level, vehicle.hover_input[None], np.zeros((1, 6))
     )
-    keep, r = _CONTROLLABLE, np.diag(by.input_weights(config))
-    A, B = model.Fx[0][np.ix_(keep, keep)], model.Fu[0][keep]
-    P, feedback = np.diag(config.Q), np.zeros((4, 13))
+    keep = _CONTROLLABLE
+    r = np.diag(by.input_weights(config))
+    A = model.Fx[0][np.ix_(keep, keep)]
+    B = model.Fu[0][keep]
+    P = np.diag(config.Q)
+    feedback = np.zeros((4, 13))
     # Riccati: S = Q + A'SA - A'SB (R + B'SB)^-1 B'SA is the cost-to-go of the feedback K = (R +
     # B'SB)^-1 B'SA
     S = solve_discrete_are(A, B, np.diag(np.maximum(config.Q[keep], _FLOOR)), r)
@@ -116,7 +118,8 @@ class Preparation:
             return self._root
         w, x, y, z = q_ref.tolist()
         norm = max(math.hypot(w, z), 1e-9)
-        c, s = (w * w - z * z) / norm**2, 2 * w * z / norm**2
+        c = (w * w - z * z) / norm**2
+        s = 2 * w * z / norm**2
         turn = np.eye(13)
         turn[0:2, 0:2] = turn[7:9, 7:9] = [[c, s], [-s, c]]
         turn[3:7, 3:7] = [[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]
@@ -159,21 +162,32 @@ def _one_hemisphere(q, q_near):
     """Flip quaternions q (n, 4) in place so that each lies near its predecessor, the first near
     `q_near` (4,).
     """
-    w, x, y, z = q_near[0], q_near[1], q_near[2], q_near[3]
+    w = q_near[0]
+    x = q_near[1]
+    y = q_near[2]
+    z = q_near[3]
     for i in range(len(q)):
         if q[i, 0] * w + q[i, 1] * x + q[i, 2] * y + q[i, 3] * z < 0:
             for c in range(4):
                 q[i, c] = -q[i, c]
-        w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        w = q[i, 0]
+        x = q[i, 1]
+        y = q[i, 2]
+        z = q[i, 3]
 
 
 @compiled
 def _eliminate(A, B, C, z, free, markov):
     """Add C A^i z to free (N, 6), and write markov (6, 6(N-1)) = [C A^(N-2) B … C B]; K > 0."""
-    K, n = len(z), len(free)
+    K = len(z)
+    n = len(free)
     # chi_i = C A^i z + sum_(j<i) C A^(i-1-j) B zeta_j: the powers of A act on [B z] alone
-    powers, ahead, response = np.empty((K, 7)), np.empty((K, 7)), np.empty((6, 7))  # A^i [B z]
-    powers[:, :6], powers[:, 6] = B, z
+    # A^i [B z]
+    powers = np.empty((K, 7))
+    ahead = np.empty((K, 7))
+    response = np.empty((6, 7))
+    powers[:, :6] = B
+    powers[:, 6] = z
     for i in range(n):
         if i:
             _times(A, powers, ahead)
@@ -194,7 +208,17 @@ def _times(A, B, out):
         a = b = c = d = e = f = g = 0.0
         for s in range(len(B)):
             k = A[row, s]
-            a, b, c, d = a + k * B[s, 0], b + k * B[s, 1], c + k * B[s, 2], d + k * B[s, 3]
-            e, f, g = e + k * B[s, 4], f + k * B[s, 5], g + k * B[s, 6]
-        out[row, 0], out[row, 1], out[row, 2], out[row, 3] = a, b, c, d
-        out[row, 4], out[row, 5], out[row, 6] = e, f, g
+            a = a + k * B[s, 0]
+            b = b + k * B[s, 1]
+            c = c + k * B[s, 2]
+            d = d + k * B[s, 3]
+            e = e + k * B[s, 4]
+            f = f + k * B[s, 5]
+            g = g + k * B[s, 6]
+        out[row, 0] = a
+        out[row, 1] = b
+        out[row, 2] = c
+        out[row, 3] = d
+        out[row, 4] = e
+        out[row, 5] = f
+        out[row, 6] = g

@@ -23,8 +23,13 @@ from np_drake.mpc.sqp import SqpSolver, as_solution, expected_early_ends
 from np_drake.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)
-_ROUNDS, _MISSES = 6, 2  # solves in all, and those that may end without an answer
-_WARM, _COLD, _PATIENT = range(2, 3), range(8, 9), range(30, 31)  # steps of SQP
+# solves in all, and those that may end without an answer
+_ROUNDS = 6
+_MISSES = 2
+# steps of SQP
+_WARM = range(2, 3)
+_COLD = range(8, 9)
+_PATIENT = range(30, 31)
 _CROWDED = 1 / 8  # share of rotor thrusts at their bounds
 _ACTIVE = -1e-3  # excess from which a soft set counts as active
 
@@ -83,7 +88,10 @@ class IpoptCondensedSolver:
         self, h: Horizon, sqp: Trajectory, deadline: float
     ) -> tuple[Trajectory, MpcStatus, int]:
         """Run rounds of IPOPT from the SQP answer, and keep that answer where they end worse."""
-        t, problem, count, misses = sqp, None, 0, 0
+        t = sqp
+        problem = None
+        count = 0
+        misses = 0
         while count < _ROUNDS and misses < _MISSES and (left := deadline - time.perf_counter()) > 0:
             count += 1
             problem = problem or Preconditioned(self.condensed, h, t)
@@ -98,7 +106,8 @@ class IpoptCondensedSolver:
                     (t, MpcStatus.OPTIMAL, count) if good else (sqp, MpcStatus.SQP_FALLBACK, count)
                 )
             t = sqp = t if good else sqp
-            problem, misses = None, misses + 1
+            problem = None
+            misses = misses + 1
         _log.debug("IPOPT gave up after %d rounds; the SQP answer flies.", count)
         return sqp, MpcStatus.SQP_FALLBACK, count
 
@@ -130,7 +139,9 @@ class Preconditioned:
     """
 
     def __init__(self, condensed: Condensed, h: Horizon, t_0: Trajectory):
-        self._c, self._h, self._T_0 = condensed, h, t_0.T.ravel()
+        self._c = condensed
+        self._h = h
+        self._T_0 = t_0.T.ravel()
         S = condensed.sensitivities(h, t_0)
         hessian = condensed.hessian(h, S)
         # T = T_0 + L^-T w with LL' = H, so that the Hessian over w is the identity at T_0
@@ -138,16 +149,14 @@ class Preconditioned:
         factor = np.diag(np.sqrt(np.diag(hessian))) if info else factor
         self._M = lapack.dtrtri(factor, lower=1)[0].T  # L^-T
         self._w: np.ndarray = np.zeros(condensed.size)
-        self._key, self._point = self._w.tobytes(), (t_0, S)
-        config, by = condensed.config, condensed.actuation
-        self._lower, self._upper = (
-            np.tile(by.lower, config.horizon),
-            np.tile(by.upper, config.horizon),
-        )
-        self._middle, self._reach = (
-            0.5 * (self._lower + self._upper),
-            0.5 * (self._upper - self._lower),
-        )
+        self._key = self._w.tobytes()
+        self._point = (t_0, S)
+        config = condensed.config
+        by = condensed.actuation
+        self._lower = np.tile(by.lower, config.horizon)
+        self._upper = np.tile(by.upper, config.horizon)
+        self._middle = 0.5 * (self._lower + self._upper)
+        self._reach = 0.5 * (self._upper - self._lower)
         self._kind = np.repeat(range(KINDS), [3 * config.horizon, config.horizon, 1])
         size = np.array(
             [config.max_speed, 1 - condensed.objective.min_cosine, config.terminal_radius]
@@ -219,7 +228,8 @@ class Preconditioned:
     def _rows(self, v: np.ndarray) -> Any:
         symbolic = v.dtype == object
         value = ExtractValue(v).ravel() if symbolic else v
-        n, kind = len(self._w), self._kind[self._soft]
+        n = len(self._w)
+        kind = self._kind[self._soft]
         t, S = self._at(value[:n])
         excess: Any = t.excess[self._soft] - self._unit * value[n:][kind]
         if not symbolic:

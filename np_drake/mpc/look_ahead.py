@@ -23,7 +23,8 @@ class LookAhead:
     """
 
     def __init__(self, model: ResidualModel, vehicle: Vehicle):
-        self._model, self._fine = model, model.step / FINE
+        self._model = model
+        self._fine = model.step / FINE
         self._mean, self._end = lag_shares(vehicle.rotor_time_constant, self._fine)
         self._dynamics = DiscreteDynamics(vehicle, self._fine)
 
@@ -38,7 +39,8 @@ class LookAhead:
             delay: [s].
         """
         # Mean over each fine step, from rest at the oldest command
-        every, m = commands_under_way(sent, FINE * len(sent)), self._mean
+        every = commands_under_way(sent, FINE * len(sent))
+        m = self._mean
         law = ([1.0 - m, m - self._end], [1.0, -self._end])
         acting, _ = scipy.signal.lfilter(*law, every, axis=0, zi=m * every[:1])
         for start in range(len(every) - round(delay / self._fine), len(every), FINE):

@@ -33,7 +33,8 @@ def lateral_response(h: Horizon, S: np.ndarray) -> np.ndarray:
     Args:
         S: (N, 13, 4N) as `Condensed.sensitivities` gives it.
     """
-    n, size = len(h.u_ref), S.shape[-1]
+    n = len(h.u_ref)
+    size = S.shape[-1]
     response = np.zeros((n, 2, size))
     if h.markov.size:
         motion = S[:-1, 7:13].reshape(-1, size)  # of zeta_1 … zeta_(N-1); zeta_0 is measured
@@ -71,7 +72,8 @@ class Objective:
     def __init__(self, config: MpcConfig, R: np.ndarray | None = None):
         self.config = config
         self.min_cosine = float(np.cos(config.max_tilt))
-        self._Q, self._R = config.Q, config.R if R is None else R
+        self._Q = config.Q
+        self._R = config.R if R is None else R
         stages = config.horizon
         self.kind = np.repeat(range(KINDS), [3 * stages, stages, 1])
         self.softening = _SOFTENING * config.terminal_radius**2
@@ -96,7 +98,8 @@ class Objective:
         Args:
             x: (N+1, 13).
         """
-        c, excess = self.config, np.empty(4 * len(x) - 3)
+        c = self.config
+        excess = np.empty(4 * len(x) - 3)
         sizes = (c.max_speed, self.min_cosine, c.terminal_radius)
         _excess(x, h.x_ref[-1], h.P, *sizes, self.softening, excess)
         return excess
@@ -138,7 +141,8 @@ def _tracking_cost(x, x_ref, u, u_ref, Q, R, P):
     """Return the cost of errors of x (N+1, 13) and u (N, 4) with diagonal Q (13,), R (4,) and
     terminal P (13, 13).
     """
-    cost, n = 0.0, len(u)
+    cost = 0.0
+    n = len(u)
     for i in range(n):
         for c in range(13):
             e = x[i, c] - x_ref[i, c]
@@ -167,7 +171,10 @@ def _excess(x, x_ref_end, P, max_speed, min_cosine, radius, softening, out):
     for i in range(n):
         for axis in range(3):
             out[3 * i + axis] = abs(x[i + 1, 7 + axis]) - max_speed
-        w, a, b, c = x[i + 1, 3], x[i + 1, 4], x[i + 1, 5], x[i + 1, 6]
+        w = x[i + 1, 3]
+        a = x[i + 1, 4]
+        b = x[i + 1, 5]
+        c = x[i + 1, 6]
         out[3 * n + i] = min_cosine - (w * w - a * a - b * b + c * c)
     out[4 * n] = math.sqrt(_energy(x[n], x_ref_end, P) / P[0, 0] + softening) - radius
 
@@ -198,7 +205,10 @@ def _row_jacobian(x, S, far, jacobian):
             sign = -1.0 if x[i + 1, 7 + axis] < 0 else 1.0
             for col in range(size):
                 jacobian[3 * i + axis, col] = sign * S[i, 7 + axis, col]
-        w, a, b, c = -2 * x[i + 1, 3], 2 * x[i + 1, 4], 2 * x[i + 1, 5], -2 * x[i + 1, 6]
+        w = -2 * x[i + 1, 3]
+        a = 2 * x[i + 1, 4]
+        b = 2 * x[i + 1, 5]
+        c = -2 * x[i + 1, 6]
         for col in range(size):
             jacobian[3 * n + i, col] = (
                 w * S[i, 3, col] + a * S[i, 4, col] + b * S[i, 5, col] + c * S[i, 6, col]

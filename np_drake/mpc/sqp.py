@@ -73,7 +73,9 @@ class SqpSolver:
     ):
         self.condensed = Condensed(vehicle, config)
         self._qp = QpSolver(self.condensed.size, 4 * config.horizon + 1, config.slack_weight)
-        self._steps, self._max_steps, self._time_limit = steps, max(steps, max_steps), time_limit
+        self._steps = steps
+        self._max_steps = max(steps, max_steps)
+        self._time_limit = time_limit
         self._sensitivities = np.zeros((config.horizon, STATE_SIZE, self.condensed.size))
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
@@ -101,12 +103,17 @@ class SqpSolver:
                 the limit while the local model misses.
             deadline: as of time.perf_counter [s].
         """
-        longest, begin, count = 0.0, time.perf_counter(), 0
+        longest = 0.0
+        begin = time.perf_counter()
+        count = 0
         while True:
             before = t
             t, miss = self.step(h, t, max(deadline - begin, 1e-3))
-            count, now, scale = count + 1, time.perf_counter(), _TOLERANCE * (1 + t.merit)
-            longest, begin = max(longest, now - begin), now
+            count = count + 1
+            now = time.perf_counter()
+            scale = _TOLERANCE * (1 + t.merit)
+            longest = max(longest, now - begin)
+            begin = now
             done = miss <= _SETTLED * scale or (miss <= scale and count >= steps[0])
             if done or t is before or count >= steps[-1] or now + longest > deadline:
                 return t, MpcStatus.OPTIMAL if miss <= scale else MpcStatus.ITERATION_LIMIT, count
@@ -122,9 +129,11 @@ class SqpSolver:
         S = self.condensed.sensitivities(h, t, self._sensitivities)
         model = self.condensed.model(h, t, S)
         by = self.condensed.actuation
-        lower, upper = (by.lower - t.T).ravel(), (by.upper - t.T).ravel()
+        lower = (by.lower - t.T).ravel()
+        upper = (by.upper - t.T).ravel()
         step = self._qp.solve(model, lower, upper, time_limit)
-        predicted, size = step.decrease, 1.0
+        predicted = step.decrease
+        size = 1.0
         for _ in range(_BACKTRACKS):
             new = self.condensed.rollout(h, self.condensed.clip(t.T + size * step.d.reshape(-1, 4)))
             if new.finite and new.merit <= t.merit:
@@ -171,7 +180,8 @@ class QpSolver:
     """
 
     def __init__(self, size: int, rows: int, slack_weight: float):
-        self._clarabel, self._weight = ClarabelSolver(), slack_weight
+        self._clarabel = ClarabelSolver()
+        self._weight = slack_weight
         self._options: Any = SolverOptions(options={"Clarabel": _CLARABEL})
         self._soft = [
             SoftProgram(size, m, slack_weight) for m in sorted({min(rows, _CRITICAL_ROWS), rows})
@@ -190,7 +200,8 @@ class QpSolver:
             time_limit: [s].
         """
         deadline = time.perf_counter() + time_limit
-        rows, curvature = model.rows, model.curvature
+        rows = model.rows
+        curvature = model.curvature
         if not (finite(curvature.hessian) and finite(rows.jacobian)):
             return Step(np.zeros_like(lower), 0.0)  # a tumble that overflows: no model to go by
         exact = active_set(curvature, model.gradient, lower, upper)
@@ -202,7 +213,8 @@ class QpSolver:
         return Step(d, self._decrease(model, d, rows))
 
     def _decrease(self, model: LocalModel, d: np.ndarray, rows: SoftRows) -> float:
-        before, after = rows.slacks(np.zeros_like(d)), rows.slacks(d)
+        before = rows.slacks(np.zeros_like(d))
+        after = rows.slacks(d)
         gain = penalty(before, self._weight) - penalty(after, self._weight)
         bend = d @ blas.dsymv(1.0, model.curvature.hessian, d, lower=1)
         return float(gain - model.gradient @ d - 0.5 * bend)
@@ -211,7 +223,8 @@ class QpSolver:
         """Solve with the rows nearest to activity; with all, where those left out would take half
         of the gain.
         """
-        rows, H = model.rows, model.curvature.full
+        rows = model.rows
+        H = model.curvature.full
         level = np.maximum(rows.excess, rows.excess + rows.jacobian @ d)
         for program in self._soft:
             pick = np.sort(np.argsort(-level)[: program.rows])
@@ -245,8 +258,10 @@ def active_set(
     """
     if curvature.factor is None:
         return None
-    d, H = lapack.dpotrs(curvature.factor, -g, lower=1)[0], curvature.hessian
-    low, high = d < lower, d > upper
+    d = lapack.dpotrs(curvature.factor, -g, lower=1)[0]
+    H = curvature.hessian
+    low = d < lower
+    high = d > upper
     if not (low.any() or high.any()):
         return d
     for _ in range(_ACTIVE_SET_ROUNDS):
@@ -260,10 +275,12 @@ def active_set(
                 return None
             d[free] = lapack.dpotrs(inner.factor, -pull, lower=1)[0]
         force = blas.dsymv(1.0, H, d, lower=1) + g
-        next_low, next_high = (low & (force > 0)) | (d < lower), (high & (force < 0)) | (d > upper)
+        next_low = (low & (force > 0)) | (d < lower)
+        next_high = (high & (force < 0)) | (d > upper)
         if np.array_equal(next_low, low) and np.array_equal(next_high, high):
             return np.clip(d, lower, upper)
-        low, high = next_low, next_high
+        low = next_low
+        high = next_high
     return None
 
 
@@ -278,7 +295,8 @@ class SoftProgram:
     """
 
     def __init__(self, size: int, rows: int, slack_weight: float):
-        self.rows, self._size = rows, size
+        self.rows = rows
+        self._size = size
         self.prog: Any = MathematicalProgram()  # the stubs' arrays do not admit NumPy's own
         self.d = self.prog.NewContinuousVariables(size, "d")
         s = self.prog.NewContinuousVariables(KINDS, "s")
@@ -340,7 +358,8 @@ def expected_early_ends() -> Iterator[None]:
 
     It uses a filter, because setting the logger's level empties every logger's cache at each solve.
     """
-    before, _FILTER.muted = _FILTER.muted, True
+    before = _FILTER.muted
+    _FILTER.muted = True
     try:
         yield
     finally:

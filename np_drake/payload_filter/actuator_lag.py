@@ -68,8 +68,11 @@ def _weigh(levels, squares, seen, lagged, rest, pace):
     """Return the arrays `READ` of the memory after one more rest, and the mean logarithm of the
     factors.
     """
-    levels, squares, seen = levels.copy(), squares.copy(), seen + 1
-    follow, share = max(pace / LEVEL, 1.0 / seen[0]), max(pace / MEMORY, 1.0 / seen[0])
+    levels = levels.copy()
+    squares = squares.copy()
+    seen = seen + 1
+    follow = max(pace / LEVEL, 1.0 / seen[0])
+    share = max(pace / MEMORY, 1.0 / seen[0])
     effective = min(seen[0], MEMORY / pace)
     score = np.empty(len(lagged))
     for j in range(len(lagged)):

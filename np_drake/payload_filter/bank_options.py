@@ -16,13 +16,8 @@ POWERS = {
     "swing_noise": (2, -3),
 }
 
-CONDITIONAL = (
-    "push",
-    "push_time",
-    "memory",
-    "swing_noise",
-    "duration",
-)  # options with a value a condition
+# options with a value a condition
+CONDITIONAL = "push", "push_time", "memory", "swing_noise", "duration"
 PRIORS = ("mass", "damping", "thrust_error", "drag")
 
 

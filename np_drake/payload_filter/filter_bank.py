@@ -35,22 +35,27 @@ class PendulumBank:
 
     def __init__(self, options: BankOptions, *, step: float, gravity: float):
         o = self.options = options
-        self.step, self.gravity = step, gravity
+        self.step = step
+        self.gravity = gravity
         # The length of a member without a payload means nothing: the geometric mean of the others
         bare = float(np.exp(np.mean(np.log(o.lengths))))
         lengths = (*o.lengths, bare)
         kinds = len(o.push)
         self.lengths = np.tile(np.array(lengths, float), kinds)
         condition = np.repeat(np.arange(kinds), len(lengths))
-        loaded, count = carries(len(self.lengths), kinds), len(self.lengths)
+        loaded = carries(len(self.lengths), kinds)
+        count = len(self.lengths)
         self._reach = np.sqrt(gravity / self.lengths)  # rate of a swing over its angle [1/s]
         # Probability of each member before any flight, (k,)
         self._first_weight = np.where(loaded, (1 - o.bare) / loaded.sum(), o.bare / (~loaded).sum())
         # Prior mean and standard deviation of the parameters, (k, 8)
-        self._prior, self._deviation = np.zeros((count, 8)), np.empty((count, 8))
+        self._prior = np.zeros((count, 8))
+        self._deviation = np.empty((count, 8))
         self._prior[:, 0] = np.where(loaded, o.mass.mean, NO_MASS.mean)
-        self._prior[:, 1], self._prior[:, 2] = np.log(self.lengths), o.damping.mean
-        self._prior[:, 6], self._prior[:, 7] = o.thrust_error.mean, o.drag.mean
+        self._prior[:, 1] = np.log(self.lengths)
+        self._prior[:, 2] = o.damping.mean
+        self._prior[:, 6] = o.thrust_error.mean
+        self._prior[:, 7] = o.drag.mean
         self._deviation[:, 0] = np.where(loaded, o.mass.deviation, NO_MASS.deviation)
         self._deviation[:, [1, 2]] = o.log_length, o.damping.deviation
         push = np.array(o.push)
@@ -76,7 +81,8 @@ class PendulumBank:
         mean: (k, POINT).   covariance: (k, SIZE, SIZE).   weight: (k,) [1].
         """
         mean = np.zeros((len(self.lengths), kernel.POINT))
-        mean[:, 2], mean[:, 3] = -1.0, 1.0
+        mean[:, 2] = -1.0
+        mean[:, 3] = 1.0
         mean[:, kernel.PARAMETERS] = self._prior
         covariance = np.zeros((len(self.lengths), kernel.SIZE, kernel.SIZE))
         diagonal = np.arange(kernel.SIZE)
@@ -145,7 +151,8 @@ class PendulumBank:
         """
         if not (finite(mean) and finite(covariance)):
             return self.initial_memory()
-        covariance[:, :7, :], covariance[:, :, :7] = 0.0, 0.0
+        covariance[:, :7, :] = 0.0
+        covariance[:, :, :7] = 0.0
         deviation = np.empty((len(self.lengths), 7))
         deviation[:, :2] = self.options.lost_tilt
         deviation[:, 2:4] = (self.options.lost_tilt * self._reach)[:, None]

@@ -32,16 +32,23 @@ def drives(before, x, hook, over_step, now, step):
         now: that at its end [m/s²].
         step: [s].
     """
-    drive, end = np.empty(9), np.empty(9)
-    first, last, z, z_last = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    drive = np.empty(9)
+    end = np.empty(9)
+    first = np.zeros(3)
+    last = np.zeros(3)
+    z = np.zeros(3)
+    z_last = np.zeros(3)
     _turning(before, hook, first)
     _turning(x, hook, last)
     _body_z(before[3], before[4], before[5], before[6], z)
     _body_z(x[3], x[4], x[5], x[6], z_last)
     for k in range(3):
-        drive[k], end[k] = over_step * 0.5 * (z[k] + z_last[k]), now * z_last[k]
-        v, v_last = before[7 + k] + first[k], x[7 + k] + last[k]
-        drive[3 + k], end[3 + k] = 0.5 * (v + v_last), v_last
+        drive[k] = over_step * 0.5 * (z[k] + z_last[k])
+        end[k] = now * z_last[k]
+        v = before[7 + k] + first[k]
+        v_last = x[7 + k] + last[k]
+        drive[3 + k] = 0.5 * (v + v_last)
+        end[3 + k] = v_last
         drive[6 + k] = end[6 + k] = (last[k] - first[k]) / step
     return drive, end
 
@@ -84,18 +91,22 @@ def along_plan(
         mean_decay: share of a difference that the rotors' lag leaves over a step [1].
         decay: at its end [1].
     """
-    n, members = len(u), len(points)
+    n = len(u)
+    members = len(points)
     wrench = np.empty((n, 6))
     mean = np.zeros(points.shape[1])
     for i in range(members):
         mean += weight[i] * points[i]
     pull = _pulls(points, weight, x, hook, gravity, step, stride)
-    z, behind, error = np.zeros(3), acting.copy(), mean[THRUST_ERROR]
+    z = np.zeros(3)
+    behind = acting.copy()
+    error = mean[THRUST_ERROR]
     for i in range(n):
         q = x[i, 3:7] + x[i + 1, 3:7]
         q /= math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
         missing = behind - u[i]
-        lag, behind = mean_decay * missing, u[i] + decay * missing
+        lag = mean_decay * missing
+        behind = u[i] + decay * missing
         _body_z(q[0], q[1], q[2], q[3], z)
         thrust = (1.0 + error) * lag[0] + error * u[i, 0]
         drag = 0.5 * mean[DRAG] * (x[i, 7:10] + x[i + 1, 7:10])
@@ -126,28 +137,45 @@ def motion_torque(state, rate_torque, speed_torque):
 @compiled
 def _pulls(points, weight, x, hook, gravity, step, stride):
     """Return the mean pull of the tethers over each step of a plan, (N, 3) [m/s²]."""
-    n, members, fine = len(x) - 1, len(points), step / stride
-    v, turn, fall = np.zeros((n + 1, 3)), np.zeros(3), np.array([0.0, 0.0, gravity])
+    n = len(x) - 1
+    members = len(points)
+    fine = step / stride
+    v = np.zeros((n + 1, 3))
+    turn = np.zeros(3)
+    fall = np.array([0.0, 0.0, gravity])
     for i in range(n + 1):
         _turning(x[i], hook, turn)
         v[i] = x[i, 7:10] + turn
-    kicks, drift = np.zeros((n * stride, 3, 1)), np.zeros((n * stride, 3, 1))
+    kicks = np.zeros((n * stride, 3, 1))
+    drift = np.zeros((n * stride, 3, 1))
     for i in range(n):
         for j in range(stride):
-            at, change = i * stride + j, v[i + 1] - v[i]
+            at = i * stride + j
+            change = v[i + 1] - v[i]
             kicks[at, :, 0] = -(fine**2) * (change / step + fall)
             drift[at, :, 0] = fine * (v[i] + (j + 0.5) / stride * change)
-    limit, half = np.zeros(members), np.zeros(members)
-    now, move = np.zeros((3, members)), np.zeros((3, members))
+    limit = np.zeros(members)
+    half = np.zeros(members)
+    now = np.zeros((3, members))
+    move = np.zeros((3, members))
     for i in range(members):
-        p, length = points[i], math.exp(points[i, LOG_LENGTH])
+        p = points[i]
+        length = math.exp(points[i, LOG_LENGTH])
         limit[i], half[i] = length**2, 0.5 * fine * max(p[DAMPING], 0.0)
         w0, w1, w2 = tether_rate(p)
-        a, b, c = fine * length * w0, fine * length * w1, fine * length * w2
-        r0, r1, r2 = length * p[0] + 0.5 * a, length * p[1] + 0.5 * b, length * p[2] + 0.5 * c
+        a = fine * length * w0
+        b = fine * length * w1
+        c = fine * length * w2
+        r0 = length * p[0] + 0.5 * a
+        r1 = length * p[1] + 0.5 * b
+        r2 = length * p[2] + 0.5 * c
         reach = min(1.0, length / math.sqrt(r0 * r0 + r1 * r1 + r2 * r2))
-        now[0, i], now[1, i], now[2, i] = reach * r0, reach * r1, reach * r2
-        move[0, i], move[1, i], move[2, i] = a, b, c
+        now[0, i] = reach * r0
+        now[1, i] = reach * r1
+        now[2, i] = reach * r2
+        move[0, i] = a
+        move[1, i] = b
+        move[2, i] = c
     pulls = np.empty((n * stride, 3, members))
     # Leapfrog of all members, the tether's length kept by projection at every step
     leapfrog(limit, half, now, move, kicks, drift, pulls)
@@ -161,14 +189,20 @@ def _pulls(points, weight, x, hook, gravity, step, stride):
 
 @compiled
 def _body_z(w, x, y, z, out):
-    out[0], out[1], out[2] = 2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z
+    out[0] = 2 * (x * z + w * y)
+    out[1] = 2 * (y * z - w * x)
+    out[2] = w * w - x * x - y * y + z * z
 
 
 @compiled
 def _turning(state, hook, out):
     """Write the velocity of the hook about Bo, in W [m/s]."""
-    p, q, r = state[10], state[11], state[12]
-    a, b, c = q * hook[2] - r * hook[1], r * hook[0] - p * hook[2], p * hook[1] - q * hook[0]
+    p = state[10]
+    q = state[11]
+    r = state[12]
+    a = q * hook[2] - r * hook[1]
+    b = r * hook[0] - p * hook[2]
+    c = p * hook[1] - q * hook[0]
     out[0], out[1], out[2] = turned(state[3], state[4], state[5], state[6], a, b, c)
 
 
@@ -197,11 +231,13 @@ def beside_plan(mean, x, hook, mass, gravity, step, along):
     """
     stiffness = gravity / math.exp(mean[LOG_LENGTH])
     A, B, gain = linear_pendulum(stiffness, max(mean[DAMPING], 0.0), step)
-    C, out = np.zeros((6, 4)), along.copy()
+    C = np.zeros((6, 4))
+    out = along.copy()
     for k in range(2):
         C[k, k] = mass * max(mean[MASS], 0.0) * stiffness
         _hook_torque(x[0, 3:7], hook, C[:3, k], C[:, k])
-    z, nxt = np.zeros(4), np.zeros(4)
+    z = np.zeros(4)
+    nxt = np.zeros(4)
     for i in range(1, len(out)):
         for j in range(4):
             nxt[j] = gain[j] * x[i - 1, 7 + j % 2]
@@ -231,11 +267,11 @@ def linear_pendulum(stiffness, damping, step):
     near = math.exp(-half * step) * math.cos(rate * step)
     side = math.exp(-half * step) * math.sin(rate * step) / rate
     a = np.array([[near + half * side, side], [-stiffness * side, near - half * side]])
-    settled = np.array(
-        [2 * half / stiffness, -1.0]
-    )  # M^-1 [-1, 0] of M = [[0, 1], [-stiffness, -2 half]]
+    # M^-1 [-1, 0] of M = [[0, 1], [-stiffness, -2 half]]
+    settled = np.array([2 * half / stiffness, -1.0])
     gain = a @ settled - settled
-    A, B = np.zeros((4, 4)), np.zeros((4, 6))
+    A = np.zeros((4, 4))
+    B = np.zeros((4, 6))
     for k in range(2):
         A[k::2, k::2] = a
         B[k::2, k] = gain

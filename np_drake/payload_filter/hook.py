@@ -35,14 +35,8 @@ LONGEST_MEAN = 10.0
 # rounding never makes the gram singular.
 FINEST = 1e-5
 MEMORY = 20.0  # over which samples count, as parameters of the bank [s]
-READ = (
-    "levels",
-    "errors",
-    "torques",
-    "columns",
-    "gram",
-    "right",
-)  # of the memory, by the next sample
+# of the memory, by the next sample
+READ = "levels", "errors", "torques", "columns", "gram", "right"
 
 
 @lru_cache(maxsize=16)
@@ -102,7 +96,8 @@ def next_shift(
     """
     deviation = length_unit * DEVIATION
     column = attitude.skew(-pull)  # of shift x pull over the shift
-    before, finest = (memory[name] for name in READ), (FINEST * deviation) ** 2
+    before = (memory[name] for name in READ)
+    finest = (FINEST * deviation) ** 2
     after = _regress(gains_of(step), *before, rest, column, doubt, step, deviation, finest)
     return dict(zip((*READ, "shift", "steady"), after, strict=True))
 
@@ -141,7 +136,8 @@ def _regress(
         finest: least variance of a torque over its column squared [m²].
     """
     keep = math.exp(-step / MEMORY)
-    gram, right = keep * gram, keep * right
+    gram = keep * gram
+    right = keep * right
     weight, variance = _followed(errors, torques, step)
     if torques[0] > 2 and np.all(variance > 0):
         for k in range(3):
@@ -152,7 +148,9 @@ def _regress(
             gram += share * np.outer(X, X)
             right += share * (rest[k] - level) * X
     torques = torques + 1
-    error, share = rest - levels, 0.0  # no filter forecast the first
+    # no filter forecast the first
+    error = rest - levels
+    share = 0.0
     if torques[0] > 1:
         share = max(step / LONGEST_MEAN, 1.0 / (torques[0] - 1))
     levels = levels + np.maximum(gains, 1.0 / torques[0]) * error
@@ -174,7 +172,8 @@ def _followed(errors, torques, step):
     (3,) [N²·m²].
     """
     effective = min(max(torques[0] - 1, 0.0), LONGEST_MEAN / step)
-    weight, square = np.log(np.maximum(errors, 1e-300)), np.empty(3)
+    weight = np.log(np.maximum(errors, 1e-300))
+    square = np.empty(3)
     for k in range(3):
         weight[:, k] = np.exp(-0.5 * effective * (weight[:, k] - weight[:, k].min()))
         weight[:, k] /= weight[:, k].sum()

@@ -28,13 +28,20 @@ import numpy as np
 
 from np_drake.compiled import compiled
 
-POINT, SIZE, FIRST = (
-    16,
-    12,
-    8,
-)  # numbers of a point and of its error; first number that is no direction
-TETHER, ACROSS, RATE, PARAMETERS = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 16)
-MASS, LOG_LENGTH, DAMPING, PUSH, THRUST_ERROR, DRAG = 8, 9, 10, 11, 14, 15
+# numbers of a point and of its error; first number that is no direction
+POINT = 16
+SIZE = 12
+FIRST = 8
+TETHER = slice(0, 3)
+ACROSS = slice(3, 6)
+RATE = slice(6, 8)
+PARAMETERS = slice(8, 16)
+MASS = 8
+LOG_LENGTH = 9
+DAMPING = 10
+PUSH = 11
+THRUST_ERROR = 14
+DRAG = 15
 SPREAD = 3.0  # squared interval of the differences: the kurtosis of a normal distribution [1]
 LEAST_MASS = -0.5  # of a share that the differences try [1]
 TINY = 1e-12  # least pivot of a covariance [units of the error, squared]
@@ -59,9 +66,12 @@ def filter_bank(mean, covariance, drive, now, step, prior, keep, noise, label, l
     Returns: points (k, POINT) and covariances (k, SIZE, SIZE) before the label, and with it; the
         logarithm of its likelihood (k,), and its squared normalised innovation (k,) [1].
     """
-    predicted, spread = np.empty_like(mean), np.empty_like(covariance)
-    updated, narrowed = np.empty_like(mean), np.empty_like(covariance)
-    likelihood, distance = np.empty(len(mean)), np.empty(len(mean))
+    predicted = np.empty_like(mean)
+    spread = np.empty_like(covariance)
+    updated = np.empty_like(mean)
+    narrowed = np.empty_like(covariance)
+    likelihood = np.empty(len(mean))
+    distance = np.empty(len(mean))
     for i in range(len(mean)):
         _predict(
             mean[i],
@@ -90,7 +100,8 @@ def pull_moments(mean, weight, now):
         weight: (k,) of each [1].
         now: (9,) as of `filter_bank`.
     """
-    centre, covariance = np.zeros(3), np.zeros((3, 3))
+    centre = np.zeros(3)
+    covariance = np.zeros((3, 3))
     pulls = np.empty((len(mean), 3))
     for i in range(len(mean)):
         _pull(mean[i], now, pulls[i])
@@ -108,7 +119,9 @@ def _predict(mean, covariance, drive, step, prior, keep, noise, out, out_covaria
     _cholesky(covariance, root)
     out[:] = mean
     _advance(out, drive, step, prior, keep)
-    plus, minus, point = np.zeros((SIZE, SIZE)), np.zeros((SIZE, SIZE)), np.zeros(POINT)
+    plus = np.zeros((SIZE, SIZE))
+    minus = np.zeros((SIZE, SIZE))
+    point = np.zeros(POINT)
     width = math.sqrt(SPREAD)
     error = np.zeros(SIZE)
     for j in range(SIZE):
@@ -129,14 +142,13 @@ def _predict(mean, covariance, drive, step, prior, keep, noise, out, out_covaria
 def _update(mean, covariance, now, label, label_variance, out, out_covariance):
     root = np.zeros((SIZE, SIZE))
     _cholesky(covariance, root)
-    centre, force = np.zeros(3), np.zeros(3)
+    centre = np.zeros(3)
+    force = np.zeros(3)
     _measure(mean, now, centre)
-    plus, minus, point, error = (
-        np.zeros((SIZE, 3)),
-        np.zeros((SIZE, 3)),
-        np.zeros(POINT),
-        np.zeros(SIZE),
-    )
+    plus = np.zeros((SIZE, 3))
+    minus = np.zeros((SIZE, 3))
+    point = np.zeros(POINT)
+    error = np.zeros(SIZE)
     width = math.sqrt(SPREAD)
     for j in range(SIZE):
         for sign in (1.0, -1.0):
@@ -147,7 +159,8 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
             side = plus if sign > 0 else minus
             for k in range(3):
                 side[j, k] = force[k] - centre[k]
-    shift, spread = np.zeros(3), np.zeros((3, 3))
+    shift = np.zeros(3)
+    spread = np.zeros((3, 3))
     _moments(plus, minus, shift, spread)
     innovation = np.zeros(3)
     for k in range(3):
@@ -162,7 +175,8 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
     # Kalman update: K = P_xy S^-1, x + K (y - y_hat), P - K P_xy'; P_xy by divided differences
     # along P's root
     inverse, determinant = inverted(spread)
-    gain, distance = np.zeros(3), 0.0
+    gain = np.zeros(3)
+    distance = 0.0
     error[:] = 0.0
     for k in range(3):  # loops, as a call of BLAS costs more than products this small
         for a in range(3):
@@ -192,7 +206,10 @@ def inverted(A):
     out = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
-            a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            a = (i + 1) % 3
+            b = (i + 2) % 3
+            c = (j + 1) % 3
+            d = (j + 2) % 3
             out[j, i] = A[a, c] * A[b, d] - A[a, d] * A[b, c]
     determinant = A[0, 0] * out[0, 0] + A[0, 1] * out[1, 0] + A[0, 2] * out[2, 0]
     return out / determinant, determinant
@@ -221,9 +238,11 @@ def _moments(plus, minus, mean, covariance):
     """
     # DD2: cov = (plus - minus)(plus - minus)' / 4h² + (h² - 1)(plus + minus)(plus + minus)' / 4h⁴
     # with h² = `SPREAD`
-    first, second = math.sqrt(1.0 / (4.0 * SPREAD)), math.sqrt((SPREAD - 1.0) / (4.0 * SPREAD**2))
+    first = math.sqrt(1.0 / (4.0 * SPREAD))
+    second = math.sqrt((SPREAD - 1.0) / (4.0 * SPREAD**2))
     size = plus.shape[1]
-    odd, even = np.empty(size), np.empty(size)
+    odd = np.empty(size)
+    even = np.empty(size)
     mean[:] = 0.0
     covariance[:] = 0.0
     for j in range(SIZE):
@@ -264,11 +283,16 @@ def displace(point, error, out):
         error: (SIZE,).
         out: (POINT,).
     """
-    n, e = point[0:3], point[3:6]
-    f0, f1, f2 = n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0]
-    a, b = error[0], error[1]
+    n = point[0:3]
+    e = point[3:6]
+    f0 = n[1] * e[2] - n[2] * e[1]
+    f1 = n[2] * e[0] - n[0] * e[2]
+    f2 = n[0] * e[1] - n[1] * e[0]
+    a = error[0]
+    b = error[1]
     angle = math.sqrt(a * a + b * b)
-    near, along = math.cos(angle), (math.sin(angle) / angle if angle > 1e-9 else 1.0)
+    near = math.cos(angle)
+    along = math.sin(angle) / angle if angle > 1e-9 else 1.0
     out[0] = near * n[0] + along * (a * e[0] + b * f0)
     out[1] = near * n[1] + along * (a * e[1] + b * f1)
     out[2] = near * n[2] + along * (a * e[2] + b * f2)
@@ -286,9 +310,13 @@ def _across(out, e):
     for k in range(3):
         out[k] /= size
     along = out[0] * e[0] + out[1] * e[1] + out[2] * e[2]
-    a, b, c = e[0] - along * out[0], e[1] - along * out[1], e[2] - along * out[2]
+    a = e[0] - along * out[0]
+    b = e[1] - along * out[1]
+    c = e[2] - along * out[2]
     size = math.sqrt(a * a + b * b + c * c)
-    out[3], out[4], out[5] = a / size, b / size, c / size
+    out[3] = a / size
+    out[4] = b / size
+    out[5] = c / size
 
 
 @compiled
@@ -301,14 +329,18 @@ def difference(origin, point, out):
         point: (POINT,).
         out: (SIZE,).
     """
-    n, e = origin[0:3], origin[3:6]
-    f0, f1, f2 = n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0]
+    n = origin[0:3]
+    e = origin[3:6]
+    f0 = n[1] * e[2] - n[2] * e[1]
+    f1 = n[2] * e[0] - n[0] * e[2]
+    f2 = n[0] * e[1] - n[1] * e[0]
     x = point[0] * e[0] + point[1] * e[1] + point[2] * e[2]
     y = point[0] * f0 + point[1] * f1 + point[2] * f2
     z = point[0] * n[0] + point[1] * n[1] + point[2] * n[2]
     side = math.sqrt(x * x + y * y)
     factor = math.atan2(side, z) / side if side > 1e-9 else 1.0
-    out[0], out[1] = factor * x, factor * y
+    out[0] = factor * x
+    out[1] = factor * y
     w0, w1, w2 = tether_rate(point)
     out[2] = w0 * e[0] + w1 * e[1] + w2 * e[2] - origin[6]
     out[3] = w0 * f0 + w1 * f1 + w2 * f2 - origin[7]
@@ -319,8 +351,11 @@ def difference(origin, point, out):
 @compiled
 def tether_rate(p):
     """Return the rate of the tether in W [rad/s]."""
-    a, b = p[6], p[7]
-    f0, f1, f2 = p[1] * p[5] - p[2] * p[4], p[2] * p[3] - p[0] * p[5], p[0] * p[4] - p[1] * p[3]
+    a = p[6]
+    b = p[7]
+    f0 = p[1] * p[5] - p[2] * p[4]
+    f1 = p[2] * p[3] - p[0] * p[5]
+    f2 = p[0] * p[4] - p[1] * p[3]
     return a * p[3] + b * f0, a * p[4] + b * f1, a * p[5] + b * f2
 
 
@@ -337,7 +372,8 @@ def _advance(p, drive, step, prior, keep):
     """Move a point by one step in place: a symplectic step on the sphere, parameters towards their
     prior.
     """
-    length, damping = math.exp(p[LOG_LENGTH]), max(p[DAMPING], 0.0)
+    length = math.exp(p[LOG_LENGTH])
+    damping = max(p[DAMPING], 0.0)
     b0 = _felt(p, drive, 0) + damping * drive[3]
     b1 = _felt(p, drive, 1) + damping * drive[4]
     b2 = _felt(p, drive, 2) + damping * drive[5]
@@ -345,19 +381,24 @@ def _advance(p, drive, step, prior, keep):
     half = 0.5 * step
     w0, w1, w2 = _kick(p, w0, w1, w2, b0, b1, b2, length, damping, half)
     speed = math.sqrt(w0 * w0 + w1 * w1 + w2 * w2)
-    near, sine = math.cos(speed * step), math.sin(speed * step)
+    near = math.cos(speed * step)
+    sine = math.sin(speed * step)
     along = sine / speed if speed > 1e-9 else step
-    n0, n1, n2 = p[0], p[1], p[2]
-    p[0], p[1], p[2] = near * n0 + along * w0, near * n1 + along * w1, near * n2 + along * w2
-    w0, w1, w2 = (
-        near * w0 - speed * sine * n0,
-        near * w1 - speed * sine * n1,
-        near * w2 - speed * sine * n2,
-    )
+    n0 = p[0]
+    n1 = p[1]
+    n2 = p[2]
+    p[0] = near * n0 + along * w0
+    p[1] = near * n1 + along * w1
+    p[2] = near * n2 + along * w2
+    w0 = near * w0 - speed * sine * n0
+    w1 = near * w1 - speed * sine * n1
+    w2 = near * w2 - speed * sine * n2
     w0, w1, w2 = _kick(p, w0, w1, w2, b0, b1, b2, length, damping, half)
     _across(p, p[3:6])
     p[6] = w0 * p[3] + w1 * p[4] + w2 * p[5]
-    f0, f1, f2 = p[1] * p[5] - p[2] * p[4], p[2] * p[3] - p[0] * p[5], p[0] * p[4] - p[1] * p[3]
+    f0 = p[1] * p[5] - p[2] * p[4]
+    f1 = p[2] * p[3] - p[0] * p[5]
+    f2 = p[0] * p[4] - p[1] * p[3]
     p[7] = w0 * f0 + w1 * f1 + w2 * f2
     for k in range(len(prior)):
         p[FIRST + k] = prior[k] + keep[k] * (p[FIRST + k] - prior[k])
@@ -379,7 +420,9 @@ def _kick(p, w0, w1, w2, b0, b1, b2, length, damping, span):
 @compiled
 def _pull(p, now, out):
     """Write the pull on the vehicle (3,) [m/s²]; none where the tether would have to push."""
-    length, damping, mass = math.exp(p[LOG_LENGTH]), max(p[DAMPING], 0.0), max(p[MASS], LEAST_MASS)
+    length = math.exp(p[LOG_LENGTH])
+    damping = max(p[DAMPING], 0.0)
+    mass = max(p[MASS], LEAST_MASS)
     along = 0.0
     for k in range(3):
         along += p[k] * (_felt(p, now, k) + damping * now[3 + k])
@@ -418,10 +461,14 @@ def mix_bank(mean, covariance, weight, transition, rise):
     Source: Blom, Bar-Shalom 1988 (interacting multiple models); the changes balance as of
         Metropolis et al. 1953.
     """
-    mixed, spread, share = np.empty_like(mean), np.empty_like(covariance), np.empty_like(weight)
+    mixed = np.empty_like(mean)
+    spread = np.empty_like(covariance)
+    share = np.empty_like(weight)
     kinds = len(transition)
     lengths = len(mean) // kinds
-    shift, errors, shares = np.zeros(SIZE), np.zeros((kinds, SIZE)), np.zeros(kinds)
+    shift = np.zeros(SIZE)
+    errors = np.zeros((kinds, SIZE))
+    shares = np.zeros(kinds)
     change = np.zeros((lengths, kinds, kinds))
     for length in range(lengths):
         for i in range(kinds):
@@ -491,7 +538,8 @@ def _changes(push, variance, transition, rise, i, out):
     """Write the probabilities (c,) of a change from condition i under a slow force upwards and its
     variance.
     """
-    own, out[i] = rise[i] + variance, 1.0
+    own = rise[i] + variance
+    out[i] = 1.0
     for j in range(len(rise)):
         if j != i:
             other = rise[j] + variance

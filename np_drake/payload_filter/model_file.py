@@ -29,11 +29,8 @@ NUMBERS = (
     "arm",
 )
 LARGEST = 1e6  # of a positive parameter, in any unit; own choice: more is damage
-VECTORS = {
-    "hook": (3, "m"),
-    "rate_torque": (3, "N·m·s"),
-    "speed_torque": (2, "N·s"),
-}  # length, unit
+# length, unit
+VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, "N·s")}
 
 
 @dc.dataclass(frozen=True)
@@ -64,9 +61,8 @@ class PayloadFilterModel:
     # In the units of the paper's vehicle
     bank: BankOptions = dc.field(default_factory=BankOptions)
     learned: dict[str, Any] = dc.field(default_factory=dict)  # what its priors were learned on
-    summary: dict[str, Any] = dc.field(
-        default_factory=dict
-    )  # key figures and origin of the training
+    # key figures and origin of the training
+    summary: dict[str, Any] = dc.field(default_factory=dict)
 
     configuration = PAYLOAD_FILTER
 

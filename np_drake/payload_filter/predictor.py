@@ -56,8 +56,10 @@ class PayloadFilter:
     label = RAW
 
     def __init__(self, model: PayloadFilterModel):
-        self.model, self.step = model, model.step
-        self.rotor_lag, self.delay = model.rotor_lag, model.delay
+        self.model = model
+        self.step = model.step
+        self.rotor_lag = model.rotor_lag
+        self.delay = model.delay
         options = dc.replace(
             model.bank.scaled(model.unit),
             thrust_error=Prior(model.thrust_error, model.thrust_error_deviation),
@@ -68,9 +70,8 @@ class PayloadFilter:
         self._decays = decays_of(self.rotor_lag, self.step)
         self._noise_share = self._pace / NOISE_TIME
         self._length_unit = model.unit.length
-        self._unit_step = (
-            self.step / model.unit.time
-        )  # step in the time unit of the paper's vehicle [s]
+        # step in the time unit of the paper's vehicle [s]
+        self._unit_step = self.step / model.unit.time
         self._hook = np.asarray(model.hook, float)
         self._cross = attitude.skew(self._hook)
 
@@ -99,18 +100,21 @@ class PayloadFilter:
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """Return the memory after one more sample; see the class for samples with NaN."""
-        x, u = np.asarray(sample.x, float), np.asarray(sample.u, float)
+        x = np.asarray(sample.x, float)
+        u = np.asarray(sample.u, float)
         if not finite(x):
             return memory
         u = u if finite(u) else memory["acting"]
         if not memory["seen"][0]:
             begun = {"x": x.copy(), "acting": u.copy(), "seen": np.ones(1)}
             return {**memory, **initial_lag(self.rotor_lag, u), **begun}
-        mass, chi = self.model.mass, np.asarray(sample.chi, float)
+        mass = self.model.mass
+        chi = np.asarray(sample.chi, float)
         lagged = u + self._decays * (memory["lagged"] - u)
         mean_decay, decay = lag_shares(memory["lag"][0], self.step)
         before = memory["acting"] - u
-        acting, over_step = u + decay * before, u + mean_decay * before
+        acting = u + decay * before
+        over_step = u + mean_decay * before
         # The label takes the trained lag for granted
         missing = lagged[0] - acting
         force = (chi[:3] + missing[0] * attitude.body_z(x[Q])) / mass
@@ -141,7 +145,8 @@ class PayloadFilter:
         """
         pull, spread = kernel.pull_moments(*(memory[name] for name in PULL))
         turn = self.model.mass * attitude.rotation_matrix(memory["x"][Q])
-        pull, spread = pull @ turn, turn.T @ spread @ turn
+        pull = pull @ turn
+        spread = turn.T @ spread @ turn
         doubt = torque_doubt(spread, self._cross, self._length_unit)
         rest = torque - self._cross @ pull
         lag = next_lag(
@@ -176,8 +181,11 @@ class PayloadFilter:
         """
         some = memory["weight"] >= LEAST_WEIGHT
         weight = memory["weight"][some] / memory["weight"][some].sum()
-        points, step = memory["mean"][some], stride * self.step
-        hook, mass, gravity = self._hook + memory["shift"], self.model.mass, self.model.gravity
+        points = memory["mean"][some]
+        step = stride * self.step
+        hook = self._hook + memory["shift"]
+        mass = self.model.mass
+        gravity = self.model.gravity
         wrench = along_plan(
             points,
             weight,
@@ -212,7 +220,8 @@ def _take_noise(labels, variance, seen, force, share, least):
     """
     square = (force - 2 * labels[1] + labels[0]) ** 2 / 6
     kept = np.empty_like(labels)
-    kept[0], kept[1] = labels[1], force
+    kept[0] = labels[1]
+    kept[1] = force
     if not np.isfinite(square).all():
         return kept, variance.copy(), seen.copy()
     blend = max(share, 1.0 / (2.0 + seen[0]))

@@ -27,14 +27,12 @@ from np_drake.vehicle.scaling import ratios, scales
 LASTING = 1e6  # memory while training: nothing returns to its prior [s]
 # Of the paper's vehicle, in whose units of length and time they hold for any.
 SETTLED = 5.0  # after which the pull serves to find the hook [s]; source: own choice, two swings
-HOOK = (
-    0.1  # prior deviation from Bo of the hook, and of the point where drag acts [m]; stated prior
-)
+# prior deviation from Bo of the hook, and of the point where drag acts [m]; stated prior
+HOOK = 0.1
 COLUMNS = 14  # of the torque [1]
-THRUST_CHANGE, DRAG_CHANGE = (
-    0.01,
-    0.02,
-)  # least deviations: from flight to flight [1, 1/s]; stated priors
+# least deviations: from flight to flight [1, 1/s]; stated priors
+THRUST_CHANGE = 0.01
+DRAG_CHANGE = 0.02
 Flights = Sequence[tuple[FlightLog, Vehicle]]
 
 
@@ -121,7 +119,8 @@ def _untrained(
     vehicle: Vehicle, rotor_lag: float, step: float, bank: BankOptions
 ) -> PayloadFilterModel:
     """Return the model before any flight, with the priors of the bank."""
-    thrust, drag = bank.thrust_error, bank.scaled(ratios(vehicle)).drag
+    thrust = bank.thrust_error
+    drag = bank.scaled(ratios(vehicle)).drag
     return PayloadFilterModel(
         step,
         vehicle.mass,
@@ -141,7 +140,8 @@ def _refined(model: PayloadFilterModel, flights: Sequence[list[Sample]]) -> Payl
     """Return the model after its filter ran over the samples of all flights, one after the
     other.
     """
-    gram, right = np.zeros((COLUMNS, COLUMNS)), np.zeros(COLUMNS)
+    gram = np.zeros((COLUMNS, COLUMNS))
+    right = np.zeros(COLUMNS)
     lasting = dc.replace(model.bank, memory=(LASTING,) * model.bank.conditions)
     for samples in flights:
         predictor = PayloadFilter(dc.replace(model, bank=lasting))
@@ -151,7 +151,8 @@ def _refined(model: PayloadFilterModel, flights: Sequence[list[Sample]]) -> Payl
             if k * model.step >= SETTLED * model.unit.time:
                 X = _torque_columns(predictor.pull(memory), samples[k - 1], sample, model.step)
                 if np.all(np.isfinite(X)) and np.all(np.isfinite(sample.chi)):
-                    gram, right = gram + X.T @ X, right + X.T @ sample.chi[3:]
+                    gram = gram + X.T @ X
+                    right = right + X.T @ sample.chi[3:]
         thrust, thrust_deviation = _posterior(memory, kernel.THRUST_ERROR)
         drag, drag_deviation = _posterior(memory, kernel.DRAG)
         model = dc.replace(
@@ -167,7 +168,8 @@ def _refined(model: PayloadFilterModel, flights: Sequence[list[Sample]]) -> Payl
 
 def _posterior(memory: Memory, index: int) -> tuple[float, float]:
     """Return mean and deviation of one number of the points, over all members."""
-    values, weight = memory["mean"][:, index], memory["weight"]
+    values = memory["mean"][:, index]
+    weight = memory["weight"]
     error = index - (kernel.POINT - kernel.SIZE)
     mean = float(weight @ values)
     return mean, float(
@@ -199,9 +201,11 @@ def _torque(
     show is zero.
     """
     noise = np.mean(np.concatenate([torque_steps(samples) for samples in flights]) ** 2) / 2
-    hook, drag = HOOK * model.unit.length, model.bank.drag.deviation / model.unit.time
+    hook = HOOK * model.unit.length
+    drag = model.bank.drag.deviation / model.unit.time
     deviation = np.full(COLUMNS, np.inf)
-    deviation[:3], deviation[9:11] = hook, hook * model.mass * drag
+    deviation[:3] = hook
+    deviation[9:11] = hook * model.mass * drag
     found = np.linalg.lstsq(gram + np.diag(noise / deviation**2), right, rcond=None)[0]
     return found[:3], found[6:9], found[9:11]
 

@@ -45,7 +45,8 @@ class Paced:
     """
 
     def __init__(self, reference: Reference, factor: float):
-        self.reference, self.factor = reference, factor
+        self.reference = reference
+        self.factor = factor
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""

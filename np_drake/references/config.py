@@ -37,9 +37,8 @@ class ReferenceConfig:
     corners: str = word(ROUND, *CORNERS)  # of a file's waypoints: rounded off, or a stop
     # distance from waypoints beyond which a flight warns
     within: float = number(0.1, "m", POSITIVE)
-    dither: list[float] = number(
-        [0.0, 0.0, 0.0], "m", 0.0
-    )  # RMS of a multisine on each axis, which excites all directions of zeta
+    # RMS of a multisine on each axis, which excites all directions of zeta
+    dither: list[float] = number([0.0, 0.0, 0.0], "m", 0.0)
     # tones of x; those of y and z lie between them [Hz]
     dither_frequencies: list[float] = dc.field(default_factory=lambda: [0.23, 0.41, 0.67, 0.97])
     dither_seed: int = number(0, "1", 0)  # of the dither's phases
@@ -114,7 +113,8 @@ def make_reference(config: ReferenceConfig) -> Reference:
     track = _track(config)
     if not np.any(config.dither):
         return track
-    tones, ramp = tuple(config.dither_frequencies), max(config.ramp, 1.0)
+    tones = tuple(config.dither_frequencies)
+    ramp = max(config.ramp, 1.0)
     return Sum(track, Multisine(config.dither, tones, ramp=ramp, seed=config.dither_seed))
 
 
@@ -134,5 +134,6 @@ def _track(config: ReferenceConfig) -> Reference:
     hover = Hover(np.array([0.0, 0.0, config.height]))
     if config.track == "hover":
         return hover
-    tones, ramp = np.geomspace(config.band[0], config.band[1], TONES), max(config.ramp, 1.0)
+    tones = np.geomspace(config.band[0], config.band[1], TONES)
+    ramp = max(config.ramp, 1.0)
     return Sum(hover, Multisine(config.amplitude, tones, ramp=ramp, seed=config.seed))

@@ -25,7 +25,8 @@ def targets(vehicle: Vehicle, flat: np.ndarray, chi: np.ndarray) -> tuple[np.nda
     Returns:
         x_ref (n, 13), u_ref (n, 4) [N, N·m].
     """
-    flat, chi = np.ascontiguousarray(flat, float), np.ascontiguousarray(chi, float)
+    flat = np.ascontiguousarray(flat, float)
+    chi = np.ascontiguousarray(chi, float)
     J = np.ascontiguousarray(vehicle.J, float)
     return _follow(flat, chi, float(vehicle.mass), float(vehicle.gravity), J)
 
@@ -38,11 +39,16 @@ def _attitude_and_rate(f_x, f_y, f_z, r_x, r_y, r_z):
     The attitude is the shortest tilt to the thrust, so that q_z = 0.
     """
     size = max(math.sqrt(f_x * f_x + f_y * f_y + f_z * f_z), 1e-6)
-    x, y, z = f_x / size, f_y / size, f_z / size
+    x = f_x / size
+    y = f_y / size
+    z = f_z / size
     along = x * r_x + y * r_y + z * r_z
-    x_1, y_1, z_1 = (r_x - x * along) / size, (r_y - y * along) / size, (r_z - z * along) / size
+    x_1 = (r_x - x * along) / size
+    y_1 = (r_y - y * along) / size
+    z_1 = (r_z - z * along) / size
     w = math.sqrt(max(0.5 * (1 + z), 1e-12))
-    i, j = -y / (2 * w), x / (2 * w)
+    i = -y / (2 * w)
+    j = x / (2 * w)
     w_1 = z_1 / (4 * w)
     i_1 = -y_1 / (2 * w) + y * w_1 / (2 * w * w)
     j_1 = x_1 / (2 * w) - x * w_1 / (2 * w * w)
@@ -62,28 +68,44 @@ def _follow(flat, chi, mass, gravity, J):
         gravity: [m/s²].
         J: (3, 3) inertia [kg·m²].
     """
-    x, u = np.empty((flat.shape[1], 13)), np.empty((flat.shape[1], 4))
+    x = np.empty((flat.shape[1], 13))
+    u = np.empty((flat.shape[1], 4))
     for i in range(flat.shape[1]):
         # Thrust m (a + g z) - f_e and its rate; the angular acceleration is a central difference of
         # the body rate
-        f_x, f_y = mass * flat[2, i, 0] - chi[i, 0], mass * flat[2, i, 1] - chi[i, 1]
+        f_x = mass * flat[2, i, 0] - chi[i, 0]
+        f_y = mass * flat[2, i, 1] - chi[i, 1]
         f_z = mass * (flat[2, i, 2] + gravity) - chi[i, 2]
-        j_x, j_y, j_z = mass * flat[3, i, 0], mass * flat[3, i, 1], mass * flat[3, i, 2]
-        d_x, d_y, d_z = _DELTA * j_x, _DELTA * j_y, _DELTA * j_z
+        j_x = mass * flat[3, i, 0]
+        j_y = mass * flat[3, i, 1]
+        j_z = mass * flat[3, i, 2]
+        d_x = _DELTA * j_x
+        d_y = _DELTA * j_y
+        d_z = _DELTA * j_z
         push = _DELTA * mass
-        s_x, s_y, s_z = push * flat[4, i, 0], push * flat[4, i, 1], push * flat[4, i, 2]
+        s_x = push * flat[4, i, 0]
+        s_y = push * flat[4, i, 1]
+        s_z = push * flat[4, i, 2]
         w, q_x, q_y, q_z, a, b, c = _attitude_and_rate(f_x, f_y, f_z, j_x, j_y, j_z)
         later = _attitude_and_rate(f_x + d_x, f_y + d_y, f_z + d_z, j_x + s_x, j_y + s_y, j_z + s_z)
         sooner = _attitude_and_rate(
             f_x - d_x, f_y - d_y, f_z - d_z, j_x - s_x, j_y - s_y, j_z - s_z
         )
         for axis in range(3):
-            x[i, axis], x[i, 7 + axis] = flat[0, i, axis], flat[1, i, axis]
-        x[i, 3], x[i, 4], x[i, 5], x[i, 6] = w, q_x, q_y, q_z
-        x[i, 10], x[i, 11], x[i, 12] = a, b, c
+            x[i, axis] = flat[0, i, axis]
+            x[i, 7 + axis] = flat[1, i, axis]
+        x[i, 3] = w
+        x[i, 4] = q_x
+        x[i, 5] = q_y
+        x[i, 6] = q_z
+        x[i, 10] = a
+        x[i, 11] = b
+        x[i, 12] = c
         u[i, 0] = math.sqrt(f_x * f_x + f_y * f_y + f_z * f_z)
         h_x, h_y, h_z = times(J, a, b, c)
-        u[i, 1], u[i, 2], u[i, 3] = b * h_z - c * h_y, c * h_x - a * h_z, a * h_y - b * h_x
+        u[i, 1] = b * h_z - c * h_y
+        u[i, 2] = c * h_x - a * h_z
+        u[i, 3] = a * h_y - b * h_x
         for row in range(3):
             turn = 0.0
             for axis in range(3):

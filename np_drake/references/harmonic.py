@@ -155,10 +155,12 @@ def _tones(phase, rates, amplitudes, shifts):
     for i in range(len(phase)):
         for row in range(len(rates)):
             for axis in range(3):
-                rate, size = rates[row, axis], amplitudes[row, axis]
+                rate = rates[row, axis]
+                size = amplitudes[row, axis]
                 if size != 0.0:
                     angle = rate * phase[i] + shifts[row, axis]
-                    cosine, sine = size * math.cos(angle), size * math.sin(angle)
+                    cosine = size * math.cos(angle)
+                    sine = size * math.sin(angle)
                     out[0, i, axis] += cosine
                     out[1, i, axis] -= rate * sine
                     out[2, i, axis] -= rate**2 * cosine

@@ -90,9 +90,15 @@ def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
     """
     out = np.empty_like(path)
     for i in range(path.shape[1]):
-        d1, d2, d3, d4 = phase[1, i], phase[2, i], phase[3, i], phase[4, i]
+        d1 = phase[1, i]
+        d2 = phase[2, i]
+        d3 = phase[3, i]
+        d4 = phase[4, i]
         for axis in range(3):
-            a, b, c, d = path[1, i, axis], path[2, i, axis], path[3, i, axis], path[4, i, axis]
+            a = path[1, i, axis]
+            b = path[2, i, axis]
+            c = path[3, i, axis]
+            d = path[4, i, axis]
             out[0, i, axis] = path[0, i, axis]
             out[1, i, axis] = a * d1
             out[2, i, axis] = b * d1 * d1 + a * d2

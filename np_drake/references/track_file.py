@@ -19,9 +19,12 @@ from np_drake.references.waypoints import PointToPoint, Waypoints
 DEGREE = 7  # six continuous derivatives
 LEAST_ROWS = DEGREE + 1
 COARSEST = 32  # rows between two knots of the first spline that is tried
-FINEST, CRUDEST = 1e-9, 1e-3  # limits of the distance from spline to rows [m]
+# limits of the distance from spline to rows [m]
+FINEST = 1e-9
+CRUDEST = 1e-3
 # Speed and acceleration below which a motion begins or ends at rest [m/s, m/s²]; own choice
-REST_SPEED, REST_ACCELERATION = 1e-3, 0.05
+REST_SPEED = 1e-3
+REST_ACCELERATION = 0.05
 BRAKING = 1.0  # mean deceleration after an end in motion [m/s²]; own choice
 SHORTEST_BRAKE = 1.0  # [s]
 
@@ -133,9 +136,8 @@ def _fit(t: np.ndarray, p: np.ndarray, knots: np.ndarray) -> "scipy.interpolate.
     out.
     """
     knots = np.concatenate([np.full(LEAST_ROWS, t[0]), knots, np.full(LEAST_ROWS, t[-1])])
-    spline = scipy.interpolate.make_lsq_spline(
-        t, p, knots, k=DEGREE, method="norm-eq"
-    )  # "qr" takes the square of the rows
+    # "qr" takes the square of the rows
+    spline = scipy.interpolate.make_lsq_spline(t, p, knots, k=DEGREE, method="norm-eq")
     spline.c += scipy.interpolate.make_lsq_spline(
         t, p - spline(t), knots, k=DEGREE, method="norm-eq"
     ).c
@@ -166,19 +168,19 @@ FileTrack = Waypoints | PointToPoint | Trajectory
 ROUND, STOP = CORNERS = ("round", "stop")  # of waypoints: rounded off, with a stop
 SUFFIXES = (".csv", ".csv.gz")
 TIME = "t"
-POSITION, VELOCITY, ACCELERATION = ("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az")
-FEEDFORWARD = (
-    "feedforward_roll",
-    "feedforward_pitch",
-    "feedforward_thrust",
-)  # written for others, not read
+POSITION = ("x", "y", "z")
+VELOCITY = ("vx", "vy", "vz")
+ACCELERATION = ("ax", "ay", "az")
+# written for others, not read
+FEEDFORWARD = "feedforward_roll", "feedforward_pitch", "feedforward_thrust"
 KNOWN = (TIME, *POSITION, *VELOCITY, *ACCELERATION, *FEEDFORWARD)
 FARTHEST = 1e3  # coordinate beyond which a file is in another unit than metres [m]
 NEAREST = 1e-6  # distance below which two waypoints in succession are one [m]
 # Largest difference of a velocity or acceleration in the file from the slope of its positions, as a
 # share of the largest and beyond it [m/s, m/s²]; own choice: above differencing errors at 20 Hz,
 # below a wrong unit or axis.
-SHARE, SLOPE_ERRORS = 0.1, (0.05, 0.5)
+SHARE = 0.1
+SLOPE_ERRORS = (0.05, 0.5)
 
 
 def read_track(
@@ -302,7 +304,8 @@ def _waypoints(table: Table) -> np.ndarray:
 
 
 def _trajectory(table: Table, ramp: float) -> Trajectory:
-    t, p = table.columns[TIME], table.array(POSITION)
+    t = table.columns[TIME]
+    p = table.array(POSITION)
     if len(t) < LEAST_ROWS:
         raise table.error(f"must hold at least {LEAST_ROWS} rows of a trajectory; got {len(t)}.")
     late = np.concatenate([[False], np.diff(t) <= 0.0])
@@ -330,9 +333,8 @@ def _check_slopes(
     """Check that a derivative in the file is that of its positions."""
     error = np.abs(given - slopes)
     allowed = least + SHARE * float(np.max(np.abs(given)))
-    row, axis = np.unravel_index(
-        int(np.argmax(error > allowed)), error.shape
-    )  # of the first, if any
+    # of the first, if any
+    row, axis = np.unravel_index(int(np.argmax(error > allowed)), error.shape)
     if error[row, axis] > allowed:
         raise table.error(
             f"must be the slope of the positions, {slopes[row, axis]:.3g}, within {allowed:.2g}; "

@@ -26,7 +26,8 @@ class Spline:
     def __init__(self, points: np.ndarray, times: np.ndarray):
         rest = [(order, np.zeros(3)) for order in (1, 2, 3)]
         self.curve = scipy.interpolate.make_interp_spline(times, points, k=7, bc_type=(rest, rest))
-        self._start, self._end = float(times[0]), float(times[-1])
+        self._start = float(times[0])
+        self._end = float(times[-1])
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
@@ -48,7 +49,9 @@ class Stops:
     """
 
     def __init__(self, points: np.ndarray, starts: np.ndarray, durations: np.ndarray):
-        self.points, self.starts, self.durations = np.array(points, float), starts, durations
+        self.points = np.array(points, float)
+        self.starts = starts
+        self.durations = durations
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
@@ -96,7 +99,8 @@ class Steps:
         lengths = np.linalg.norm(self._way, axis=1)
         self.durations = np.maximum(lengths / speed, np.sqrt(PEAK * lengths / most))
         self._begin = np.concatenate([[0.0], np.cumsum(self.durations + rest)])
-        self.start, self.closed = start, closed
+        self.start = start
+        self.closed = closed
         self.lead = start
         self.end = np.inf if closed else start + self._begin[-1]
         if closed:
@@ -107,7 +111,8 @@ class Steps:
         elapsed = np.maximum(np.asarray(t, float) - self.start, 0.0)
         elapsed = elapsed % self._begin[-1] if self.closed else np.minimum(elapsed, self._begin[-1])
         at = np.minimum(np.searchsorted(self._begin, elapsed, side="right") - 1, len(self._way) - 1)
-        duration, since = self.durations[at], elapsed - self._begin[at]
+        duration = self.durations[at]
+        since = elapsed - self._begin[at]
         flat = rest_to_rest(since / duration, duration)[:, :, None] * self._way[at]
         flat[1:, (since == 0.0) | (since >= duration)] = 0.0
         flat[0] += self.corners[at]
@@ -201,7 +206,8 @@ def _graded(points: np.ndarray, closed: bool) -> np.ndarray:
         points = np.stack([points[0], points.mean(axis=0), points[1]])
     while True:
         gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        before, after = np.roll(gaps, 1), np.roll(gaps, -1)
+        before = np.roll(gaps, 1)
+        after = np.roll(gaps, -1)
         if not closed:
             before[0] = after[-1] = np.inf
         long = np.flatnonzero(gaps > STEEPEST * np.minimum(before, after))

@@ -9,7 +9,9 @@ from np_drake.residual_model import Memory, Plan, ReadsPlan, ResidualModel
 from np_drake.rigid_body import P, V, W
 from np_drake.training_data.segments import SampledFlight
 
-KNOWN, HELD = "known", "held"  # coming motion
+# coming motion
+KNOWN = "known"
+HELD = "held"
 MOTIONS = (KNOWN, HELD)
 
 

@@ -19,7 +19,9 @@ class Constant:
     """
 
     def __init__(self, chi: np.ndarray, *, step: float, name: str):
-        self.chi, self.step, self.name = chi, step, name
+        self.chi = chi
+        self.step = step
+        self.name = name
 
     def initial_memory(self) -> Memory:
         """Return no memory."""
@@ -85,9 +87,11 @@ class DisturbanceObserver:
         force_bandwidth: float = 5.0,
         torque_bandwidth: float = 1.0,
     ):
-        self.step, self._vehicle = step, vehicle
+        self.step = step
+        self._vehicle = vehicle
         pole = np.exp(-2 * np.pi * np.repeat([force_bandwidth, torque_bandwidth], 3) * step)
-        self._l1, self._l2 = 1 - pole**2, (1 - pole) ** 2
+        self._l1 = 1 - pole**2
+        self._l2 = (1 - pole) ** 2
         self._mean, self._end = lag_shares(vehicle.rotor_time_constant, step)
 
     def initial_memory(self) -> Memory:
@@ -124,7 +128,8 @@ class DisturbanceObserver:
         x = memory["x"].copy()
         x[7:13] = memory["zeta"]
         behind = memory["acting"] - command
-        u, acting = command + self._mean * behind, command + self._end * behind
+        u = command + self._mean * behind
+        acting = command + self._end * behind
         rate = rigid_body.state_derivative(self._vehicle, x, u, memory["chi"])
         predicted = memory["zeta"] + self.step * rate[7:13]
         if not seen:

@@ -87,10 +87,8 @@ class GaussianProcessConfig:
     restarts: int = 1  # of the search for hyperparameters, beside the one from unit lengths [1]
     # Of the kernel's lengths; below, noise is learnt [RMS of the inputs about their mean]
     length_bounds: tuple[float, float] = (0.5, 100.0)
-    noise_bounds: tuple[float, float] = (
-        1e-6,
-        1.0,
-    )  # variance of the labels' noise [variance of the labels]
+    # variance of the labels' noise [variance of the labels]
+    noise_bounds: tuple[float, float] = 1e-6, 1.0
     seed: int = 0  # of the restarts
 
 
@@ -177,11 +175,13 @@ class WrenchNetwork:
 
     def jacobian(self, zeta: np.ndarray) -> np.ndarray:
         """Return dchi/dzeta (n, 6, 6) at zeta (n, 6)."""
-        value, (*hidden, last) = zeta / self.scale, self.network.weights
+        value = zeta / self.scale
+        (*hidden, last) = self.network.weights
         slope = np.broadcast_to(np.diag(1.0 / self.scale), (*value.shape, 6))
         for W, b in zip(hidden, self.network.biases[:-1], strict=True):
             before = value @ W.T + b
-            value, slope = np.maximum(before, 0.0), (before > 0)[..., None] * (W @ slope)
+            value = np.maximum(before, 0.0)
+            slope = (before > 0)[..., None] * (W @ slope)
         return self.unit[:, None] * (last @ slope)
 
     def tensors(self) -> dict[str, np.ndarray]:
@@ -197,7 +197,9 @@ class WrenchNetwork:
         return cls(Perceptron.taken_from(tensors), tensors["scale"], tensors["unit"])
 
 
-GP, KNODE = "gp", "knode"  # names
+# names
+GP = "gp"
+KNODE = "knode"
 REACTIONS: dict[str, type[GaussianProcess] | type[WrenchNetwork]] = {
     GP: GaussianProcess,
     KNODE: WrenchNetwork,

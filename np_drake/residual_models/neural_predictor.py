@@ -43,7 +43,9 @@ class NeuralPredictor(ABC):
         self.rotor_lag = rotor_lag_of(model)  # [s]
         self.delay = delay_of(model)  # of commands [s]
         self._blend = 1.0 - np.exp(-2 * np.pi * CUTOFF * model.step)
-        self._held, self._enough, self._longest = held, enough, longest
+        self._held = held
+        self._enough = enough
+        self._longest = longest
 
     @staticmethod
     def of(model: LiftedModel | LpvModel) -> "NeuralPredictor":
@@ -58,8 +60,10 @@ class NeuralPredictor(ABC):
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """Return the memory after one more sample; see the class for samples with NaN."""
-        label, zeta = np.asarray(sample.chi, float), rigid_body.zeta(np.asarray(sample.x, float))
-        labelled, seen = bool(np.isfinite(label).all()), bool(np.isfinite(zeta).all())
+        label = np.asarray(sample.chi, float)
+        zeta = rigid_body.zeta(np.asarray(sample.x, float))
+        labelled = bool(np.isfinite(label).all())
+        seen = bool(np.isfinite(zeta).all())
         new = {**memory, **self._counted(memory, labelled, labelled and seen)}
         if labelled:
             blend = max(self._blend, 1.0 / new["labels"][0])
@@ -79,12 +83,14 @@ class NeuralPredictor(ABC):
 
         Channels that C does not read, and all before the first z, are held in `offset`.
         """
-        offset, z = memory["lowpass"].copy(), memory["z"]
+        offset = memory["lowpass"].copy()
+        z = memory["z"]
         system = self.system(memory).resample(stride)
         if self._warm(memory):
             offset[~self._held] = 0.0
         else:
-            system, z = dc.replace(system, B=np.zeros_like(system.B)), np.zeros_like(z)
+            system = dc.replace(system, B=np.zeros_like(system.B))
+            z = np.zeros_like(z)
         return WrenchForecast(system.A, system.B, system.C, z, np.tile(offset, (horizon, 1)))
 
     @abstractmethod
@@ -103,7 +109,8 @@ class NeuralPredictor(ABC):
         """Return what the model expected for this sample before it came, (6,)."""
         if not self._warm(memory):
             return memory["lowpass"]
-        s, zeta = self.system(memory), memory["window"][-1, 6:]
+        s = self.system(memory)
+        zeta = memory["window"][-1, 6:]
         return np.where(self._held, memory["lowpass"], s.C @ (s.A @ memory["z"] + s.B @ zeta))
 
     def _counted(self, memory: Memory, labelled: bool, complete: bool) -> Memory:
@@ -149,7 +156,8 @@ class LiftedPredictor(NeuralPredictor):
         return memory if self.model.trust is None else memory | self.model.trust.initial_memory()
 
     def _lifted(self, new: Memory, *, labelled: bool) -> Memory:
-        model, window = self.model, new["window"]
+        model = self.model
+        window = new["window"]
         z = model.encoder(window) if self._warm(new) else None
         if model.trust is not None:
             return model.trust.update(new, z, window[-1, :6], labelled=labelled)
@@ -188,12 +196,14 @@ class LpvPredictor(NeuralPredictor):
 
     def _lifted(self, new: Memory, *, labelled: bool) -> Memory:
         window = new["window"] / self.model.scale
-        features, decay = Features.of(window), DECAYS[:, None]
+        features = Features.of(window)
+        decay = DECAYS[:, None]
         energy = decay * new["energy"] + (1 - decay) * self.model.energies(features)
         if not labelled:  # a network that reads its own predictions may run away
             s = self.model.system(new["theta"])
             return {"z": s.A @ new["z"] + s.B @ new["window"][-2, 6:], "energy": energy}
-        mean, age = energy / (1 - decay ** new["count"]), np.minimum(new["count"], NEW) / NEW
+        mean = energy / (1 - decay ** new["count"])
+        age = np.minimum(new["count"], NEW) / NEW
         states, theta = self.model.schedule(features.planes, features.heave, mean, age)
         z = np.concatenate([states, window[-2, 6:9]])
         return {"z": z, "theta": theta, "energy": energy}
@@ -216,7 +226,9 @@ def window_refit(model: LiftedModel, rows: np.ndarray) -> tuple[np.ndarray, np.n
     Source: Jin et al. 2025, Algorithm 1; the prior is an own choice.
     """
     # (X'X + p) [A B]' = X'Y + p [A_0 B_0]', by Cholesky
-    X, K, scale = rows[:-1], model.system.K, model.zeta_scale
+    X = rows[:-1]
+    K = model.system.K
+    scale = model.zeta_scale
     normal = X.T @ X
     normal.flat[:: len(normal) + 1] += model.ridge
     offline = np.hstack([model.system.A, model.system.B * scale])

@@ -32,9 +32,8 @@ class TrueModel:
     onsets: Onsets = dc.field(default_factory=dict)
     mass_effects: Sequence[MassEffect] = ()  # change the mass properties
     hangs_at: float = 0.0  # when the payload is hung [s]
-    payloads: Sequence[
-        tuple[float, Payload | None]
-    ] = ()  # (time [s], payload from then on), by time
+    # (time [s], payload from then on), by time
+    payloads: Sequence[tuple[float, Payload | None]] = ()
 
     def payload_at(self, t: float) -> Payload | None:
         """Return the payload that hangs at time t [s]; None without one."""
@@ -75,7 +74,8 @@ class TrueModel:
         payload = self.payload_at(t)
         if payload is not None and swing_state is not None:
             v_hook = hook_velocity(payload.hook, x)
-            a_hook, between = np.diff(v_hook, axis=0) / step, 0.5 * (v_hook[1:] + v_hook[:-1])
+            a_hook = np.diff(v_hook, axis=0) / step
+            between = 0.5 * (v_hook[1:] + v_hook[:-1])
             force = swing(payload, *swing_state, a_hook, step, self.believed.gravity, between)
             chi += hook_wrench(payload, middle[:, Q], force)
         changed = acting(self.mass_effects, self.onsets, t)
@@ -97,7 +97,9 @@ class TrueModel:
         Source: Newton and Euler about the centre of mass.
         """
         real = mass_properties(self.believed, changed)
-        q, w, c = x[:, Q], x[:, W], real.p_BoBcm_B
+        q = x[:, Q]
+        w = x[:, W]
+        c = real.p_BoBcm_B
         F = u[:, :1] * attitude.body_z(q) + chi[:, :3]
         tau = (
             u[:, 1:]
@@ -117,7 +119,8 @@ class TrueModel:
         (N, 4) each [N].
         """
         command = np.clip(u @ self.believed.unmixer.T, 0.0, self.believed.max_rotor_thrust)
-        gain, effects = np.ones(4), acting(self.actuator_effects, self.onsets, float(starts[0]))
+        gain = np.ones(4)
+        effects = acting(self.actuator_effects, self.onsets, float(starts[0]))
         for effect in effects:
             ones = np.ones(4)
             gain *= effect.thrust(

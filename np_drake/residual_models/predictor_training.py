@@ -53,12 +53,15 @@ def train_on_flights(
         on_epoch: as of `train`.
     Raises: ValueError: if the flights are unusable.
     """
-    vehicle, delays = flights[0].vehicle, [0.0]
+    vehicle = flights[0].vehicle
+    delays = [0.0]
     if isinstance(config, NeuralLpvConfig):
-        label, delays = RAW, delays_sought(step)
+        label = RAW
+        delays = delays_sought(step)
         config = dc.replace(config, units=units_of(vehicle, step))
     timing = _timing(flights, delays)
-    segments, late = [], timing.get("command_delay", 0.0)
+    segments = []
+    late = timing.get("command_delay", 0.0)
     for f in flights:
         data = delayed(f.data, late) if isinstance(f.data, FlightLog) else f.data
         own = Flight(data, with_rotor_lag(f.vehicle, timing["rotor_lag"]))
@@ -192,7 +195,9 @@ def rollout(
         u: (b, H, 4) commands [N, N·m].
         wrench: chi (b, 6) at zeta (b, 6).
     """
-    y, course = start[:, 3:], []  # q, v, w: position drives nothing
+    # q, v, w: position drives nothing
+    y = start[:, 3:]
+    course = []
     for command in u.unbind(dim=1):
         k1 = _rate(vehicle, y, command, wrench)
         k2 = _rate(vehicle, y + 0.5 * step * k1, command, wrench)
@@ -204,7 +209,9 @@ def rollout(
 
 
 def _rate(vehicle: Vehicle, y: torch.Tensor, u: torch.Tensor, wrench: Callable) -> torch.Tensor:
-    (q0, q1, q2, q3), w, chi = y[:, :4].T, y[:, 7:], wrench(y[:, 4:])
+    q0, q1, q2, q3 = y[:, :4].T
+    w = y[:, 7:]
+    chi = wrench(y[:, 4:])
     a, b, c = w.T
     dq = 0.5 * torch.stack(
         [
@@ -232,7 +239,8 @@ def _windows(
     """
     pieces = list[tuple[np.ndarray, np.ndarray]]()
     for log in logs:
-        x, u = log.x, acting_command(log, vehicle)
+        x = log.x
+        u = acting_command(log, vehicle)
         pieces += [(x[a:b], u[a:b]) for a, b in finite_runs(x, u)]
     H = config.window
     starts = [(x, u, k) for x, u in pieces for k in range(0, len(x) - H, config.spacing)]
@@ -268,7 +276,8 @@ def train_motion_model(
         settings: of the configuration, `seed` among them.
     Raises: ValueError: on an unknown name or setting, or flights that the model cannot learn from.
     """
-    config, vehicle = configured(CONFIGURATIONS, name, settings), flights[0].vehicle
+    config = configured(CONFIGURATIONS, name, settings)
+    vehicle = flights[0].vehicle
     require(
         all(flight.vehicle == vehicle for flight in flights),
         f"{name}: all flights must be of one vehicle; give them one --vehicle FILE.",

@@ -89,7 +89,8 @@ def skill_table(
     best = np.min([rmse[name] for name in NAIVE], axis=0)
     rows = []
     for name, error in rmse.items():
-        skill, ratio = _ratio(error, best), _ratio(error, rmse["persistence"])
+        skill = _ratio(error, best)
+        ratio = _ratio(error, rmse["persistence"])
         for i, horizon in enumerate(horizons):
             figures = {
                 f"{kind}_{what}": float(values[i, k])
@@ -201,7 +202,8 @@ def _longest_flown(flight: Flight, predictor: Predictor) -> tuple[Segment, Sampl
         nothing usable is left.
     """
     require_origin(predictor.model, origin_of(flight.frame, flight.vehicle, predictor.label))
-    data, step = flight.data, predictor.step
+    data = flight.data
+    step = predictor.step
     if isinstance(data, FlightLog):
         pieces = flown_segments(data, flight.vehicle, predictor, step=step)
     else:

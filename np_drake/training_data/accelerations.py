@@ -100,9 +100,8 @@ def rows_at(log: FlightLog, step: float) -> np.ndarray:
 
 
 BAND = 1.0  # least bandwidth over which spectra are averaged [Hz]; own choice
-THIRD = 2 ** (1 / 6) - 2 ** (
-    -1 / 6
-)  # relative bandwidth of a one-third octave [1]; source: IEC 61260
+# relative bandwidth of a one-third octave [1]; source: IEC 61260
+THIRD = 2 ** (1 / 6) - 2 ** (-1 / 6)
 SURE_DEVIATIONS = 2.0  # standard deviations by which a band of signal exceeds the noise [1]
 
 

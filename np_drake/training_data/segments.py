@@ -192,7 +192,8 @@ def picked_flight(
         label: low-pass; None: that of the vehicle.
     Raises: ValueError: if the step does not fit the log.
     """
-    chi, rows = labels(log, vehicle, label), rows_at(log, step)
+    chi = labels(log, vehicle, label)
+    rows = rows_at(log, step)
     before = np.concatenate([[max(rows[0] - 1, 0)], rows[:-1]])
     u = np.array(
         [
@@ -213,7 +214,8 @@ def of_wrenches(chi: np.ndarray, zeta: np.ndarray, step: float) -> SampledFlight
         step: time between samples [s].
     """
     x = np.zeros((len(chi), 13))
-    x[:, 3], x[:, 7:] = 1.0, zeta
+    x[:, 3] = 1.0
+    x[:, 7:] = zeta
     return SampledFlight(step, x, np.zeros((len(chi), 4)), chi)
 
 
@@ -277,7 +279,8 @@ def require_motion(flights: Sequence[Flight]) -> None:
     """
     spreads = np.array([_spread_of_motion(flight.data) for flight in flights])
     if len(spreads) and np.all(spreads < STILL):
-        v, w = spreads[:, :3].max(), spreads[:, 3:].max()
+        v = spreads[:, :3].max()
+        w = spreads[:, 3:].max()
         raise ValueError(
             f"train: the vehicle must move in the logs; velocity varies by {v:.2g} m/s, body "
             f"rates by {w:.2g} rad/s. Fly with more motion, or give --force."
@@ -315,7 +318,8 @@ def flown_segments(
     label = model.label if isinstance(model, ReadsLabels) else None
     seen = picked_flight(log, vehicle, step=step, label=label)
     made = labelled_rows(log, vehicle, None, step=step)
-    pieces, runs = _pieces(*made, step), finite_runs(*made)
+    pieces = _pieces(*made, step)
+    runs = finite_runs(*made)
     return [(piece, seen.rows(*run)) for piece, run in zip(pieces, runs, strict=True)]
 
 
@@ -330,8 +334,10 @@ def labelled_rows(
         step: between rows [s].
     Raises: ValueError: if the log has no accelerations, or the step does not fit.
     """
-    rows, zeta = rows_at(log, step), np.concatenate([log.v, log.w], axis=1)
-    causal, smooth = labels(log, vehicle, config), smooth_labels(log, vehicle, config)
+    rows = rows_at(log, step)
+    zeta = np.concatenate([log.v, log.w], axis=1)
+    causal = labels(log, vehicle, config)
+    smooth = smooth_labels(log, vehicle, config)
     return causal[rows], zeta[rows], smooth[rows]
 
 

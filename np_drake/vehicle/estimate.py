@@ -14,19 +14,19 @@ from np_drake.vehicle.vehicle import AIR, GRAVITY, Vehicle, least_torque_over_th
 AT_ROTORS = 0.5  # share of the mass at the rotors: motors, propellers, outer arms [1]
 # Thrust coefficient T / (rho n² D⁴), n in revolutions a second. Source: own choice; the presets span 0.045 to 0.201.  # noqa: E501
 THRUST_NUMBER = 0.12
-FIGURE_OF_MERIT = (
-    0.5  # ideal over actual hover power. Source: own choice; the presets span 0.32 to 0.71 [1]
-)
+# ideal over actual hover power. Source: own choice; the presets span 0.32 to 0.71 [1]
+FIGURE_OF_MERIT = 0.5
 # Standard deviations over the value [1].
 MASS_SPREAD = 0.01  # source: own choice, a kitchen scale, and batteries that are changed
-THRUST_SPREAD = (
-    0.4  # source: C_T of the presets, whose standard deviation is 0.36 of their mean; rounded up
-)
+# source: C_T of the presets, whose standard deviation is 0.36 of their mean; rounded up
+THRUST_SPREAD = 0.4
 CURVES = {"quadratic": 2, "linear": 1}  # thrust over throttle: its power
 HEAD = """\
 # Vehicle file of an X quadrotor, estimated from mass, wheelbase, propeller and hover throttle. Replace an estimate
 # by a measured value where there is one; docs/reference/vehicle-file.md lists all fields."""  # noqa: E501
-LIGHTEST, HEAVIEST = 0.005, 1000.0  # [kg]
+# [kg]
+LIGHTEST = 0.005
+HEAVIEST = 1000.0
 
 
 @dc.dataclass(frozen=True)
@@ -67,9 +67,13 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
     Largest thrust: a quarter of the weight over throttle to the curve's power.
     """  # noqa: E501
     m = measured.check()
-    L, D = 0.5 * m.wheelbase, m.propeller
-    arm, at_rotors = L / math.sqrt(2), AT_ROTORS * m.mass
-    body, r, h = m.mass - at_rotors, 0.5 * L, 0.5 * L
+    L = 0.5 * m.wheelbase
+    D = m.propeller
+    arm = L / math.sqrt(2)
+    at_rotors = AT_ROTORS * m.mass
+    body = m.mass - at_rotors
+    r = 0.5 * L
+    h = 0.5 * L
     xx = 0.5 * at_rotors * L**2 + body * (3 * r**2 + h**2) / 12
     zz = at_rotors * L**2 + 0.5 * body * r**2
     thrust = THRUST_NUMBER * AIR * D**4 / (2 * math.pi) ** 2
@@ -94,7 +98,8 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
 
 def _sources(m: Measured, lever: float) -> dict[str, str]:
     """Return where the values of an estimate come from; `lever` is torque over thrust [m]."""
-    layout, power = FIRMWARE[m.order], {1: "", 2: "²"}[CURVES[m.curve]]
+    layout = FIRMWARE[m.order]
+    power = {1: "", 2: "²"}[CURVES[m.curve]]
     corners = ", ".join(places(layout.positions))
     scale = (
         "given"

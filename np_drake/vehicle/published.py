@@ -76,7 +76,8 @@ def dimensionless(v: Any) -> dict[str, Any]:
     """Return the numbers of `DimensionlessPriors` of vehicles in a table; NaN where one is not
     published.
     """
-    unit, radius = 1 / v["mass"], 1 / v["rotor_radius"]
+    unit = 1 / v["mass"]
+    radius = 1 / v["rotor_radius"]
     arm = 1 / v["arm"]
     factor = (2 * math.pi) ** 2 / AIR / 16
     return {

@@ -47,7 +47,8 @@ class RotorLayout:
         Raises: ValueError: if no rotor here is near one of the vehicle's, or one turns the other
             way.
         """
-        own, other = _scaled(self.positions), _scaled(positions)
+        own = _scaled(self.positions)
+        other = _scaled(positions)
         order = min(
             [list(order) for order in itertools.permutations(range(len(own)))],
             key=lambda chosen: float(np.sum((own[chosen] - other) ** 2)),
@@ -94,7 +95,10 @@ def _scaled(positions: Sequence[Sequence[float]]) -> np.ndarray:
     return p / max(float(np.linalg.norm(p, axis=1).mean()), 1e-12)
 
 
-FRONT_LEFT, FRONT_RIGHT, REAR_RIGHT, REAR_LEFT = (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)
+FRONT_LEFT = (1.0, 1.0)
+FRONT_RIGHT = (1.0, -1.0)
+REAR_RIGHT = (-1.0, -1.0)
+REAR_LEFT = (-1.0, 1.0)
 FIRMWARE = {  # X frames with propellers that turn inwards at the front, the default of each
     # Source: PX4, airframe reference, Quadrotor x; ArduPilot, connecting motors, Quad X.
     "px4": RotorLayout(

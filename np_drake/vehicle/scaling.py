@@ -18,9 +18,8 @@ import numpy as np
 from np_drake.vehicle.vehicle import RateLoop, Vehicle
 
 PERIOD = 0.02  # between solves, of the paper's vehicle [s]
-SPARE_LIFT = (
-    0.25  # largest default payload over the mass that the rotors could carry beside the vehicle [1]
-)
+# largest default payload over the mass that the rotors could carry beside the vehicle [1]
+SPARE_LIFT = 0.25
 
 
 @dc.dataclass(frozen=True)
@@ -77,7 +76,8 @@ def usual_rate_loop(vehicle: Vehicle) -> RateLoop:
     """Return the rate loop of a usual tune of an autopilot, that of the paper's vehicle at the pace
     of `vehicle`.
     """
-    pace, paper = ratios(vehicle).time, RateLoop()
+    pace = ratios(vehicle).time
+    paper = RateLoop()
     return RateLoop(
         [pace * lag for lag in paper.lag], paper.gain, [rate / pace for rate in paper.max_rate]
     )

@@ -41,7 +41,8 @@ CHOICES: dict[str, str] = {  # of every field that is one of several words
     if "words" in field.metadata
 }
 # sources of a value of which the file says nothing, and that it does not name
-FROM_FILE, DEFAULT = "file", "default"
+FROM_FILE = "file"
+DEFAULT = "default"
 WIDTH = 120  # columns of a line with its comment
 HEAD = "# Vehicle file of np_drake. docs/reference/vehicle-file.md lists all fields."
 
@@ -167,7 +168,8 @@ def vehicle_rows(name: str | Path) -> list[Row]:
         for field, value in (content.get("vehicle") or content).items()
         for inner in (value if isinstance(value, dict) else [""])
     }
-    everything, rows = values(vehicle), []
+    everything = values(vehicle)
+    rows = []
     for field, value in everything.items():
         source = vehicle.sources.get(field) or (FROM_FILE if field in named else DEFAULT)
         known = value is not None or field in vehicle.sources

@@ -68,7 +68,8 @@ ROTORS_OF_PAPER = [
 
 # Power of a battery's voltage in thrust at a throttle, and its deviation [1]; source: prior of the
 # identification.
-VOLTAGE, VOLTAGE_SCATTER = 1.5, 0.5
+VOLTAGE = 1.5
+VOLTAGE_SCATTER = 0.5
 
 
 @dc.dataclass(frozen=True)
@@ -328,7 +329,8 @@ class Vehicle:
         """
         arm = float(np.linalg.norm(self.rotor_positions, axis=1).max())
         weight = self.mass * self.gravity
-        unit, most = self.mass * arm**2, self.max_rotor_thrust
+        unit = self.mass * arm**2
+        most = self.max_rotor_thrust
         offset = float(np.linalg.norm(self.calibration.center_of_mass))
         _require(
             4 * most >= weight,
@@ -360,7 +362,8 @@ class Vehicle:
 
     def _check_rotors(self) -> None:
         """Check thrust and torque of a rotor against momentum theory."""
-        most, D = self.max_rotor_thrust, 2 * self.rotor_radius
+        most = self.max_rotor_thrust
+        D = 2 * self.rotor_radius
         speed = math.sqrt(most / self.thrust_coefficient)
         tip = speed * self.rotor_radius
         # The air through the disc moves at sqrt(T / (2 rho A)), which no blade's tip can be slower
@@ -423,7 +426,8 @@ class Vehicle:
         [1]; None: it states none.
         """
         field = {"mass": "mass", "thrust": "thrust_coefficient"}[of]
-        stated, known = getattr(self, f"{of}_uncertainty"), self.known_within(field)
+        stated = getattr(self, f"{of}_uncertainty")
+        known = self.known_within(field)
         return stated if stated is not None or known is None else known / getattr(self, field)
 
     @property
@@ -466,7 +470,8 @@ class Vehicle:
         """Return a copy of the vehicle with another mass [kg], without what is said of the present
         one.
         """
-        sources, intervals = without(self.sources, "mass"), without(self.intervals, "mass")
+        sources = without(self.sources, "mass")
+        intervals = without(self.intervals, "mass")
         return dc.replace(self, mass=mass, sources=sources, intervals=intervals).check()
 
 

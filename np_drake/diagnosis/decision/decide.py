@@ -116,8 +116,10 @@ def judge(
             and stands for nothing else; its prior is that of gusts against structure that is no
             effect.
     """
-    fit, flights = ranking.best, ranking.problem.flights
-    effect, priors = fit.terms[i].effect, ranking.options.priors
+    fit = ranking.best
+    flights = ranking.problem.flights
+    effect = fit.terms[i].effect
+    priors = ranking.options.priors
     through_drag = gusts and effect.identifier == DRAG
 
     # 1. In the model: the share of evidence, times the odds against generic structure.
@@ -153,15 +155,19 @@ def decide(
     on held-out flights, which gives onsets and sizes there. gusts: whether the slow force is that
     of gusts; the drag through which they act matters however small it is.
     """
-    fit, problem, options = ranking.best, ranking.problem, ranking.options
+    fit = ranking.best
+    problem = ranking.problem
+    options = ranking.options
     members = {names_of(problem, m): m for m in reversed(ranking.models)}
     key = names_of_fit(fit)
     same = equivalents(problem, members[key]) if key in members else {}
     every = [*problem.flights, *held.flights]
     rotors = named_rotors([e.log for e in every], every[0].vehicle)
-    causes, minor = [], []
+    causes = []
+    minor = []
     for i, (term, support) in enumerate(zip(fit.terms, support_of(ranking, held), strict=True)):
-        name, effect = term.effect.identifier, term.effect
+        name = term.effect.identifier
+        effect = term.effect
         # What is in all refined models that are probable has no rival, whatever its columns say.
         room = 1.0 - ranking.probability.get(name, 0.0)
         has_rivals = room > np.exp(-options.thresholds.indistinguishable_evidence)
@@ -231,7 +237,8 @@ def equivalents(problem: RegressionProblem, model: Model) -> dict[str, tuple[str
             shared = set(other.identifiers) & set(own.identifiers)
             if other.generic or shared or not problem.fits_together((*rest, k)):
                 continue
-            score, name = problem.score((*rest, k)), other.identifiers[-1]
+            score = problem.score((*rest, k))
+            name = other.identifiers[-1]
             if score > max(close, found.get(name, -np.inf)):
                 found[name] = score
         out |= dict.fromkeys(
@@ -247,9 +254,11 @@ def estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> dict[str,
     Mass and tether of an unmeasured vehicle are those of a payload without the downwash of its
     rotors. The effect itself keeps those with it: in a simulator payloads hang in still air.
     """
-    effect, out = fit.terms[i].effect, {}
+    effect = fit.terms[i].effect
+    out = {}
     for p in effect.parameters:
-        value, half = float(getattr(effect, p.name)), half_width(fit, i, p.name)
+        value = float(getattr(effect, p.name))
+        half = half_width(fit, i, p.name)
         if isinstance(effect, SuspendedPayload):
             value, half = _of_pendulum(fit, i, p.name, half, effect, vehicle, options)
         out[p.name] = Estimate(value, p.unit, (value - half, value + half))
@@ -293,7 +302,8 @@ def without_late_onsets(
 
     What then acts in no flight is a finding, and no cause. ends: by flight, its end [s].
     """
-    kept, late = [], []
+    kept = []
+    late = []
     for c in causes:
         onset = {
             name: np.inf if t is not None and t > ends.get(name, np.inf) - LAST else t
@@ -360,7 +370,8 @@ def has_changed(ranking: Ranking, i: int) -> bool:
     earlier = [e for e in ranking.problem.flights if e.earlier]
     if not earlier:
         return False
-    size, least = size_of(ranking, i, earlier), ranking.options.materiality
+    size = size_of(ranking, i, earlier)
+    least = ranking.options.materiality
     return size.force < least.force and size.torque < least.torque
 
 
@@ -380,7 +391,8 @@ def size_of(
         unseen: held-out flights with the terms as they are there.
     Source: own choice.
     """
-    fit, rms = ranking.best, ranking.noise.rms
+    fit = ranking.best
+    rms = ranking.noise.rms
     known = rms > 0
     here = np.concatenate([_part_of(fit.everything, i, e) for e in flights])
     part = np.concatenate([here, *(_part_of(terms, i, e) for e, terms in unseen)])
@@ -409,11 +421,14 @@ def probably_material(ranking: Ranking, i: int, size: Size) -> float:
     """Return the probability that term i of the best model, of this size at the fit, is more than
     what is practically none, given that it acts [1].
     """
-    fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
+    fit = ranking.best
+    flights = ranking.problem.flights
+    options = ranking.options
     effect = fit.terms[i].effect
     if options.within_timing(effect, flights[0].vehicle):
         return 0.0
-    posterior, changed = SizePosterior(fit, i, flights), has_changed(ranking, i)
+    posterior = SizePosterior(fit, i, flights)
+    changed = has_changed(ranking, i)
     outside = (
         posterior.material(size, options),
         posterior.beyond(healthy_spread(effect, flights[-1], options.tolerance, changed=changed)),
@@ -431,9 +446,13 @@ class SizePosterior:
     """
 
     def __init__(self, fit: Fit, i: int, flights: Sequence[FlightResiduals]):
-        self._fit, self._i, self._flights, self._term = fit, i, flights, fit.terms[i]
+        self._fit = fit
+        self._i = i
+        self._flights = flights
+        self._term = fit.terms[i]
         own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
-        self._free, self._values = [fit.free[k] for k in own], fit.values[own]
+        self._free = [fit.free[k] for k in own]
+        self._values = fit.values[own]
         self.draws = np.random.default_rng(SEED).multivariate_normal(
             self._values, fit.covariance[np.ix_(own, own)], DRAWS
         )
@@ -459,7 +478,8 @@ class SizePosterior:
         power = flat.T @ flat
         if not power.any():  # a sensor error that no wrench shows
             power = np.diag(scale**-2.0)
-        away, at_fit = self.draws[:, own] - neutral, self._values[own] - neutral
+        away = self.draws[:, own] - neutral
+        at_fit = self._values[own] - neutral
         squares = np.einsum("ni,ij,nj->n", away, power, away)
         return np.sqrt(np.maximum(squares, 0.0) / max(float(at_fit @ power @ at_fit), 1e-300))
 
@@ -469,7 +489,9 @@ class SizePosterior:
         Args:
             size: of the term at the fit.
         """
-        effect, least, relative = self._term.effect, options.materiality, self.relative()
+        effect = self._term.effect
+        least = options.materiality
+        relative = self.relative()
         if options.tolerance.of(effect) > 0:
             return size.sensor * relative >= least.sensor
         late = any(begin is not None for begin in self._term.onset.values())
@@ -505,7 +527,8 @@ class SizePosterior:
         level = self._places(("x", "y"))
         if not self._term.effect.needs or len(level) < 2:
             return np.ones(len(self.draws), bool)
-        tolerance, least = options.tolerance, options.materiality
+        tolerance = options.tolerance
+        least = options.materiality
         # Of the attitude against the rotors' axes, all together [rad].
         lean = (
             (SPREAD.tilt, SPREAD.mounting)

@@ -69,13 +69,15 @@ class Blocks:
         place = np.ix_(*[np.append(np.arange(self.shared), -1)] * 2)
         for gram in known:
             total[place] += gram
-        before, found = _fitted(total), []
+        before = _fitted(total)
+        found = []
         for gram, n in zip(self.grams, self.values, strict=True):
             total = total + gram
             after = _fitted(total)
             # Of a Gaussian y = X c + n: the quadratic form and the determinant of a prediction are
             # differences of those of all that is known after and before it.
-            square, logdet = after[0] - before[0], after[1] - before[1]
+            square = after[0] - before[0]
+            logdet = after[1] - before[1]
             found.append(-0.5 * logdet - 0.5 * (DEGREES + n) * np.log1p(max(square, 0.0) / DEGREES))
             before = after
         return np.array(found)
@@ -126,7 +128,8 @@ class Support:
         """Probability that the term gains by `LEAST`, and that flights do not contradict one
         another [1].
         """
-        gain, others = self.total - LEAST, float(self.gains.sum()) + LEAST
+        gain = self.total - LEAST
+        others = float(self.gains.sum()) + LEAST
         return float(scipy.special.ndtr(min(gain, others) / np.hypot(self.error, LEAST)))
 
     @property
@@ -177,7 +180,9 @@ def support_of(ranking: Ranking, held: HeldOut) -> list[Support]:
     The model is linear about the fit. Hidden states and what differs from flight to flight are free
     in every flight. On held-out flights onsets and hidden states are as they are there.
     """
-    fit, flights, tolerance = ranking.best, ranking.problem.flights, ranking.options.tolerance
+    fit = ranking.best
+    flights = ranking.problem.flights
+    tolerance = ranking.options.tolerance
     vehicle = vehicle_columns(flights, tolerance, ranking.options.priors)
     every = [*flights, *held.flights]
     columns = {e.name: ([of(e) for of in vehicle], errors_of(e, tolerance)) for e in every}
@@ -209,7 +214,8 @@ def support_of(ranking: Ranking, held: HeldOut) -> list[Support]:
         return turns, np.concatenate(others), np.concatenate(judged)
 
     whole = linear_without(set())
-    best, found = scores(whole), []
+    best = scores(whole)
+    found = []
     names = tuple(e.name for e in flights if not e.earlier for _ in whole[e.name].values)
     own = (*of_vehicle(flights[0], tolerance), *of_flight(flights[0], tolerance))
     calibrated = {d.effect.identifier for d in own} | {t.effect.identifier for t in fit.calibration}
@@ -252,7 +258,8 @@ def _blocks(
     """Return the blocks of a flight, linear about the terms; parameters `shared` by all flights,
     and its own.
     """
-    every, n = [*shared, *own], len(shared)
+    every = [*shared, *own]
+    n = len(shared)
     scale, neutral = (np.array([getattr(f, name) for f in every]) for name in ("scale", "neutral"))
     away = (read(now, every) - neutral) / scale
     J = _through_neutral(scaled_jacobian(now, every, e), every, away, now, e)
@@ -264,7 +271,8 @@ def _blocks(
     rows = [part.reshape(-1, part.shape[-1]) for part in np.array_split(white, count) if len(part)]
     none = [-1] * sum(X.shape[-1] for X in vehicle)
     owners = [f.term for f in shared] + none + [f.term for f in own] + [-1] * errors.shape[-1]
-    grams, values = [part.T @ part for part in rows], [len(part) for part in rows]
+    grams = [part.T @ part for part in rows]
+    values = [len(part) for part in rows]
     return Blocks(grams, values, np.array(owners, int), n + len(none))
 
 
@@ -276,7 +284,8 @@ def _through_neutral(
     A term that is far from neutral is not linear in its parameters: its derivative there would
     predict something of its absence. Source: secant update of rank one (Broyden).
     """
-    J, whole = J.copy(), predicted_residual(e, now)
+    J = J.copy()
+    whole = predicted_residual(e, now)
     for i in {f.term for f in free}:
         distance = np.where(np.array([f.term == i for f in free]), away, 0.0)
         if distance.any():
@@ -293,9 +302,12 @@ def visible_changes(ranking: Ranking) -> dict[str, float]:
     material. Effects of one parameter alone; beside the best model.
     Source: Laplace approximation of the evidence.
     """
-    problem, priors, found = ranking.problem, ranking.options.priors, dict[str, float]()
+    problem = ranking.problem
+    priors = ranking.options.priors
+    found = dict[str, float]()
     earlier = {e.name for e in problem.flights if e.earlier}
-    later, least = [e for e in problem.flights if not e.earlier], ranking.options.materiality
+    later = [e for e in problem.flights if not e.earlier]
+    least = ranking.options.materiality
     command = np.concatenate(
         [e.nominal[:, TORQUE] - e.nominal[:, TORQUE].mean(axis=0) for e in later]
     )
@@ -315,6 +327,7 @@ def visible_changes(ranking: Ranking) -> dict[str, float]:
         force = np.linalg.norm(part[:, FORCE]) / (weight * least.force)
         torque = np.linalg.norm(part[:, TORQUE]) / (np.linalg.norm(command) * least.torque)
         size = max(deviation * np.sqrt(2 * paid), 1.0 / max(force, torque, 1e-12))
-        name, unit = f"{effect.identifier}.{p.name}", abs(getattr(effect, p.name) - p.neutral)
+        name = f"{effect.identifier}.{p.name}"
+        unit = abs(getattr(effect, p.name) - p.neutral)
         found[name] = max(found.get(name, 0.0), float(unit * size))
     return found

@@ -42,11 +42,15 @@ class LinearModel:
     """
 
     def __init__(self, ranking: Ranking):
-        fit, problem = ranking.best, ranking.problem
-        self.flights, self.fit, self._priors = problem.flights, fit, ranking.options.priors
+        fit = ranking.best
+        problem = ranking.problem
+        self.flights = problem.flights
+        self.fit = fit
+        self._priors = ranking.options.priors
         self.structure = generic_candidates(self.flights, self._priors)
         drifting = [c for c in problem.nuisance if c.variant == LINEAR]
-        now, free = fit.everything, fit.free
+        now = fit.everything
+        free = fit.free
         root = np.linalg.inv(prior_whitening(now, free))
         away = np.array([(v - f.neutral) / f.scale for v, f in zip(fit.values, free, strict=True)])
         grams = []
@@ -77,7 +81,8 @@ class LinearModel:
         """Return the log evidence with the structure that describes the rest best, and that
         structure, by forward selection from `first`, one variant of each kind.
         """
-        found, best = tuple(first), self.evidence(without, first)
+        found = tuple(first)
+        best = self.evidence(without, first)
         while True:
             known = {self.structure[g].identifiers for g in found}
             open_ = (g for g, c in enumerate(self.structure) if c.identifiers not in known)
@@ -86,14 +91,17 @@ class LinearModel:
             )
             if gain <= best:
                 return best, found
-            found, best = (*found, g), gain
+            found = (*found, g)
+            best = gain
 
     def margins(self, structure: Sequence[int]) -> list[float]:
         """Return the log odds of every term, priors included, against structure of any kind in its
         place [nat].
         """
-        names, found = [t.effect.identifier for t in self.fit.terms], []
-        evidence, prior = self.evidence((), structure), prior_of(names, self._priors)
+        names = [t.effect.identifier for t in self.fit.terms]
+        found = []
+        evidence = self.evidence((), structure)
+        prior = prior_of(names, self._priors)
         for i in range(len(names)):
             gone = with_dependants(self.fit.terms, i)
             left = [name for k, name in enumerate(names) if k not in gone]
@@ -118,12 +126,13 @@ class LinearModel:
 
 
 NEIGHBOURHOOD = 1.2  # of a line, to either side at most [Hz]
-OCTAVE = (
-    2.0  # and at most this factor: slow noise is steep, and its level is another an octave away [1]
-)
+# and at most this factor: slow noise is steep, and its level is another an octave away [1]
+OCTAVE = 2.0
 # but at least so many over the flight's length, for a line of a short flight is wide itself [1]
 LOBE = 4.0
-LOWEST, HIGHEST = 0.4, 15.0  # [Hz]
+# [Hz]
+LOWEST = 0.4
+HIGHEST = 15.0
 SLOW = 1.0  # torque below it is compared with that in `MIDDLE` [Hz]
 MIDDLE = (4.0, 8.0)  # [Hz]
 BRIEF = 1.5  # below it a force is asked for bursts [Hz]
@@ -192,7 +201,8 @@ def slow_torque(
     """
     powers = np.zeros((3, 3))  # of slow torque, the middle band, and slow torque before
     for e in flights:
-        step, edge = e.grid.step, round(1 / (SLOW * e.grid.step))
+        step = e.grid.step
+        edge = round(1 / (SLOW * e.grid.step))
         tau, first = (y[:, TORQUE] - y[:, TORQUE].mean(axis=0) for y in (residual[e.name], e.y))
         band = low_pass(tau, step, MIDDLE[1]) - low_pass(tau, step, MIDDLE[0])
         parts = np.stack([low_pass(tau, step, SLOW), band, low_pass(first, step, SLOW)])
@@ -222,7 +232,8 @@ def squared_position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.nda
         wrench: (m, 6) in B on its grid [N, N·m].
         rows: (m,) bool, those that count.
     """
-    step, mass = e.grid.step, e.vehicle.mass
+    step = e.grid.step
+    mass = e.vehicle.mass
     n = max(2, round(HORIZON / step))
     first = np.arange(0, len(e.t) - n, max(1, round(STARTS / step)))
     window = first[:, None] + np.arange(n + 1)
@@ -292,7 +303,9 @@ def find_unexplained(
     """Return the generic structure (positions) beside the best model and what the tests find in the
     residual of all flights, and a slow level force, which may be that of gusts.
     """
-    options, best, flights = ranking.options, ranking.best, ranking.problem.flights
+    options = ranking.options
+    best = ranking.best
+    flights = ranking.problem.flights
     residual = {e.name: best.residual(e) for e in flights}
     swung = {e.name: held.swing_free_residual(e) for e in held.flights}
     hidden = any(t.effect.has_hidden_state for t in best.terms)
@@ -309,12 +322,14 @@ def find_unexplained(
     said.append(_line_test(flights, held.flights, both, options, least))
     # A material slow torque that held-out flights show as well; hidden: whether a swing may
     # have been lost.
-    shown, limit = options.thresholds.held_out_share, options.thresholds.slow_torque_ratio
+    shown = options.thresholds.held_out_share
+    limit = options.thresholds.slow_torque_ratio
     ratio, share, rms, axis = slow_torque(flights, both)
     large = rms > least[1] and (share > shown or not hidden)
     again = slow_torque(held.flights, both)[0] > shown * limit
     probability = _above(ratio, limit) if large and again else 0.0
-    figures, measurement = {"ratio": ratio}, "hover for a minute with rotor speed logged"
+    figures = {"ratio": ratio}
+    measurement = "hover for a minute with rotor speed logged"
     finding = Finding("slow torque", "a torque that comes and goes", ratio, figures, measurement)
     said.append(
         Indication.of(
@@ -334,7 +349,8 @@ def _indication(
     least: tuple[float, float],
 ) -> Indication:
     """Return structure g beside the best model and the rest of `structure`."""
-    flights, candidate = linear.flights, linear.structure[g]
+    flights = linear.flights
+    candidate = linear.structure[g]
     rest = tuple(k for k in structure if k != g)
     there = float(scipy.special.expit(linear.evidence((), structure) - linear.evidence((), rest)))
     parts = [linear.part(structure, g, e)[:, WRENCH] for e in flights]
@@ -366,7 +382,8 @@ def burst_test(
 
     It is the largest slow force over the usual deviation of its axis, by the median of all flights.
     """
-    parts, times = [], []
+    parts = []
+    times = []
     for e in flights:
         edge = min(round(EDGE / e.grid.step), (len(e.t) - 1) // 2)
         inside = slice(edge, len(e.t) - edge)
@@ -377,7 +394,9 @@ def burst_test(
     usual = NORMAL * np.median(every, axis=0)
     ratio = np.divide(every, usual, out=np.zeros_like(every), where=usual > 0)
     row, axis = map(int, np.unravel_index(np.argmax(ratio), ratio.shape))
-    (flight, time), size, prominence = times[row], float(every[row, axis]), float(ratio[row, axis])
+    flight, time = times[row]
+    size = float(every[row, axis])
+    prominence = float(ratio[row, axis])
     probability = _above(prominence, options.thresholds.burst_ratio) if size > least else 0.0
     finding = Finding(
         "burst",
@@ -400,7 +419,8 @@ def _line_test(
     least: tuple[float, float],
 ) -> Indication:
     """Return a material spectral line that held-out flights show as well."""
-    thresholds, share = options.thresholds, options.materiality.structure_share
+    thresholds = options.thresholds
+    share = options.materiality.structure_share
     y = np.concatenate([e.y[:, WRENCH] for e in flights])
     smallest = np.maximum(np.sqrt(share * np.mean(y**2, axis=0)), np.repeat(least, 3))
     line = strongest_line(flights, residual, smallest)
@@ -444,7 +464,8 @@ NOISES = 4  # draws of the noise of each flight
 # A remainder is material that exceeds a stated size and the first share of the gap, below which it
 # is nothing beside what is explained; and that exceeds the second, which is no explanation [1].
 # Source: own choice.
-NOTHING, TOO_MUCH = 0.02, 0.2
+NOTHING = 0.02
+TOO_MUCH = 0.2
 NEVER_LESS = 1e-6  # share that is left: that nothing is, no flight shows [1]
 SURE_GAP = 0.025  # quantile of the gap that is above the noise where there is one [1]
 ALONE = 0.95  # quantile of the position error that noise alone causes [1]; own choice
@@ -464,7 +485,8 @@ def measure_remainder(
 
     indications: of structure that no effect explains, whose power the noise model holds.
     """
-    flights, named = held.flights, {c.identifier for c in causes}
+    flights = held.flights
+    named = {c.identifier for c in causes}
     before = {e.name: e.against_file for e in flights}
     after = held.left(named)
     # Of gusts the slow force is explained, though no simulator foresees it.
@@ -478,7 +500,9 @@ def measure_remainder(
     # What the noise holds is no larger than the noise, however large a part is that others cancel.
     whole = np.reshape([i.power for i in indications], (-1, 6))
     powers = np.minimum(whole, power)
-    materiality, vehicle, drift = options.materiality, flights[0].vehicle, np.zeros(6)
+    materiality = options.materiality
+    vehicle = flights[0].vehicle
+    drift = np.zeros(6)
     drift[:2] = (options.tolerance.attitude * flights[0].weight) ** 2
     squares = [
         np.stack([y[name][own, WRENCH] ** 2 for y in (before, after)], axis=1)
@@ -543,7 +567,8 @@ def _drawn_means(parts: Sequence[np.ndarray], size: int, rng: np.random.Generato
         for block in np.array_split(part, max(1, round(len(part) / size)))
         if len(block)
     ]
-    sums, counts = np.array([b.sum(axis=0) for b in blocks]), np.array([len(b) for b in blocks])
+    sums = np.array([b.sum(axis=0) for b in blocks])
+    counts = np.array([len(b) for b in blocks])
     drawn = rng.integers(0, len(blocks), (DRAWS, len(blocks)))
     return (sums[drawn].sum(axis=1).T / counts[drawn].sum(axis=1)).T
 
@@ -554,7 +579,9 @@ def _position_errors(
     """Return by flight the squared position errors (k, 2) that wrenches cause beyond those of
     noise, and those of noise alone (n,) [m²]; none and infinite where no start is left.
     """
-    rng, moved, by_noise = np.random.default_rng(SEED), [], []
+    rng = np.random.default_rng(SEED)
+    moved = []
+    by_noise = []
     for e in held.flights:
         rows = held.rows[e.name] | e.outliers  # which are interpolated
         chance = np.array(
@@ -577,7 +604,8 @@ def _position_errors(
 def _noise_of(noise: NoiseModel, rows: int, rng: np.random.Generator) -> np.ndarray:
     """Return a draw (rows, 6) of the noise of the wrench."""
     active = np.flatnonzero(noise.active[WRENCH])
-    out, memory = np.zeros((rows, 6)), 2 * noise.phi.shape[1]
+    out = np.zeros((rows, 6))
+    memory = 2 * noise.phi.shape[1]
     white = rng.normal(size=(len(active), rows + memory))
     driven = np.linalg.solve(noise.mixing[np.ix_(active, active)], white)
     for k, c in enumerate(active):

@@ -59,9 +59,8 @@ from np_drake.logs.importing.parts import FITS
 from np_drake.logs.inputs import with_hover_thrust
 from np_drake.vehicle import Vehicle
 
-TRACE_LENGTHS = np.geomspace(
-    0.3, 1.5, 5
-)  # of tethers at which an examination asks for a payload [m]; own choice
+# of tethers at which an examination asks for a payload [m]; own choice
+TRACE_LENGTHS = np.geomspace(0.3, 1.5, 5)
 LEAST_DRAG = 2.0  # posterior deviations from which a drag is taken as that of the vehicle [1]
 
 
@@ -102,7 +101,8 @@ def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
     told = PAYLOAD in LIBRARY and PAYLOAD not in hidden_from(flights)
     for length in TRACE_LENGTHS if told else ():
         payload = payload_about(flights, payload_of(length), priors, shaped=False)
-        mass, columns = LIBRARY[PAYLOAD].parameters[:1], payload.candidate(flights).columns
+        mass = LIBRARY[PAYLOAD].parameters[:1]
+        columns = payload.candidate(flights).columns
         usual = usual_size(mass[0], flights[0].vehicle)
         for X in columns.values():
             X[..., 0] *= usual / payload.guess.effect.values["mass"]
@@ -160,7 +160,8 @@ def explain(
         for e, r in zip(flights, residual, strict=True)
     ]
     channels = [e.bridged(e.y) for e in flights]
-    noise, drag = scale_only(channels, step), None
+    noise = scale_only(channels, step)
+    drag = None
     for _ in range(2):
         drag, residual = _fitted(flights, nuisance, traces, noise)
         noise = noise_of(flights, residual, channels, options, options.priors.linear_error)
@@ -181,7 +182,8 @@ def _fitted(
     mean, covariance = total.posterior(np.arange(len(total.Xy)))
     every = (np.concatenate([b[e.name] for b in blocks], axis=-1) for e in flights)
     residual = [e.bridged(e.y - X @ mean) for e, X in zip(flights, every, strict=True)]
-    at, drag = sum(c.size for c in nuisance), None
+    at = sum(c.size for c in nuisance)
+    drag = None
     for trace in traces:
         if trace.identifier == DRAG:
             drag = _drag(trace, mean[at : at + 2], np.diag(covariance)[at : at + 2])
@@ -197,13 +199,11 @@ def _drag(trace: Trace, mean: np.ndarray, variance: np.ndarray) -> float | None:
 
 
 DEVIATIONS = 3.0  # 99.7 %
-RESEMBLES = (
-    2.0  # factor by which another effect must widen the smallest size to be named [1]; own choice
-)
+# factor by which another effect must widen the smallest size to be named [1]; own choice
+RESEMBLES = 2.0
 MOST_BESIDE = 3  # effects that are named and modelled beside one [1]; own choice
-NESTED = (
-    1e-3  # share of a trace outside another's, below which it is a case of that [1]; own choice
-)
+# share of a trace outside another's, below which it is a case of that [1]; own choice
+NESTED = 1e-3
 SINGULAR = 1e-9  # share of the largest information below which there is none [1]
 
 
@@ -259,7 +259,8 @@ class Information:
         """Return whether a trace is that of an effect with more parameters, of which it is the
         simpler case.
         """
-        a, b = self._at[id(trace)], self._at[id(other)]
+        a = self._at[id(trace)]
+        b = self._at[id(other)]
         own, cross, theirs = (self._gram.XX[np.ix_(i, j)] for i, j in ((a, a), (a, b), (b, b)))
         # Of a flight in which the other leaves nothing, it is no case of that.
         if len(other.parameters) <= len(trace.parameters) or not np.trace(theirs) > 0:
@@ -273,10 +274,12 @@ def smallest_sizes(information: Information) -> list[Smallest]:
     """Return the smallest sizes of all effects; of several variants, those of the variant that
     shows least.
     """
-    known, found = nearest_usual(information.traces), []
+    known = nearest_usual(information.traces)
+    found = []
     for main in known:
         variants = [t for t in information.traces if t.identifier == main.identifier]
-        alone, near = _sizes(information, variants, ()), _sizes(information, [main], ())
+        alone = _sizes(information, variants, ())
+        near = _sizes(information, [main], ())
         wider = []
         for other in known:
             if other is not main and not information.inside(main, other):
@@ -313,7 +316,8 @@ def _crossing(size: np.ndarray, told: np.ndarray) -> float:
     """Return the size at which a trace is `DEVIATIONS` long, given its length at some sizes: a
     power of the size.
     """
-    x, y = np.log(size), np.log(np.maximum(told, 1e-9) / DEVIATIONS)
+    x = np.log(size)
+    y = np.log(np.maximum(told, 1e-9) / DEVIATIONS)
     if len(x) == 1:
         return float(size[0] * math.exp(-y[0]))
     above = np.flatnonzero(y >= 0)
@@ -333,16 +337,17 @@ def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float
         time: correlation time of the force [s].
     """
     frequency = np.arange(1, max(2, int(0.4 / noise.step * seconds))) / seconds
-    gust = (
-        4 * time / (1 + (2 * np.pi * frequency * time) ** 2)
-    )  # one-sided, of unit variance [1/Hz]
+    # one-sided, of unit variance [1/Hz]
+    gust = 4 * time / (1 + (2 * np.pi * frequency * time) ** 2)
     information = sum(
         np.sum((gust / own) ** 2) for own in noise.spectrum(frequency)[:2] if own[0] > 0
     )
     return math.sqrt(DEVIATIONS / math.sqrt(information)) if information > 0 else math.inf
 
 
-YES, NO, NEVER = "yes", "no", "never"
+YES = "yes"
+NO = "no"
+NEVER = "never"
 
 
 @dc.dataclass(frozen=True)
@@ -399,9 +404,8 @@ class LogReport:
 
 MOST_SECONDS = 120.0  # of a flight from which effects are answered for [s]; own choice: memory
 MOST_GAPS = 0.1  # share of rows put into gaps from which a log is limited [1]; own choice
-MOST_SATURATED = (
-    0.05  # share of rows with a rotor at a limit from which a log is limited [1]; own choice
-)
+# share of rows with a rotor at a limit from which a log is limited [1]; own choice
+MOST_SATURATED = 0.05
 FAR = 100.0  # usual sizes beyond which a smallest size is infinite [1]
 INSTEAD = {  # words of a reason of `unobservable`: what to log instead
     "measured rotor speed": "log the commanded thrust and torque as well",
@@ -438,7 +442,8 @@ def examine(
         for log in logs
     )
     own = [doubt for log in logs for doubt in law_doubts(log)]
-    wrong, limits = list(as_lines(doubt for doubt in own if doubt.fails)), []
+    wrong = list(as_lines(doubt for doubt in own if doubt.fails))
+    limits = []
     for f in facts:
         limits += [f"{f.name}: {note}" for note in f.notes if note.startswith(FITS)]
         if f.bridged > MOST_GAPS * f.rows:
@@ -510,7 +515,8 @@ def nothing_moves(moving: Mapping[str, float], logs: Sequence[FlightLog]) -> tup
     """Return that flights do not move, and what to fly; empty where they do."""
     if excited(dict(moving)):
         return ()
-    speed, rate = number(moving["speed [m/s]"], 2), number(moving["rate [rad/s]"], 2)
+    speed = number(moving["speed [m/s]"], 2)
+    rate = number(moving["rate [rad/s]"], 2)
     logged = "" if any("velocity" in log.lacks for log in logs) else f"speed {speed} m/s, "
     return (
         f"nothing moves ({logged}rates {rate} rad/s): fly sprints in both horizontal directions, "
@@ -537,13 +543,15 @@ def answers(
     gust: least deviation of the force of gusts [N]. drag: that of the vehicle, where it is known
     [N·s/m]: winds act through it.
     """
-    hidden, sizes = hidden_from(flights), {s.identifier: s for s in found}
+    hidden = hidden_from(flights)
+    sizes = {s.identifier: s for s in found}
     vehicle = flights[0].vehicle
     usual_drag = usual_size(LIBRARY[DRAG].parameters[0], vehicle)
     through = "with their drag" if drag else "with usual drag: these flights tell none"
     out: list[Answer] = []
     for name, effect in effects_for(flights[0].log.input).items():
-        parameters, fly = {p.name: p for p in effect.parameters}, manoeuvre((name,))
+        parameters = {p.name: p for p in effect.parameters}
+        fly = manoeuvre((name,))
         p = next(p for p in effect.parameters if not p.choices)
         if name in hidden:
             reason = hidden[name]
@@ -551,17 +559,24 @@ def answers(
             never = (math.inf, math.inf, usual_size(p, vehicle), NEVER, reason, todo)
             out.append(Answer(name, p.name, p.unit, *never))
         elif name == GustyWind.identifier:
-            p, size = parameters["deviation"], gust / (drag or usual_drag)
+            p = parameters["deviation"]
+            size = gust / (drag or usual_drag)
             told = (YES, through, "") if size <= p.typical else (NO, through, fly)
             out.append(Answer(name, p.name, p.unit, size, size, p.typical, *told))
         elif name in sizes:
-            s, scale = sizes[name], usual_drag / drag if name == WIND and drag else 1.0
+            s = sizes[name]
+            scale = usual_drag / drag if name == WIND and drag else 1.0
             for own, alone, beside in zip(s.parameters, s.alone, s.beside, strict=True):
-                p, verdict, reason, todo = parameters[own], YES, "", ""
-                alone, beside = float(alone * scale), float(beside * scale)
+                p = parameters[own]
+                verdict = YES
+                reason = ""
+                todo = ""
+                alone = float(alone * scale)
+                beside = float(beside * scale)
                 usual = p.typical if name == WIND else usual_size(p, vehicle)
                 if not beside <= usual:
-                    verdict, todo = NO, fly
+                    verdict = NO
+                    todo = fly
                     reason = "at its usual size it leaves no clear trace in these flights"
                     if not alone > usual:
                         reason = f"it cannot be told from {', '.join(s.resembles)} in these flights"

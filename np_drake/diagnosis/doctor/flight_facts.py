@@ -134,7 +134,8 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
             f"sideways ({1e3 * needed:.0f} mrad): its pose is planar"
         )
         return [Doubt(log.name, what, fails=True)]
-    aside, failed = told_by_noise(own), failing(own)
+    aside = told_by_noise(own)
+    failed = failing(own)
     found = [Doubt(log.name, note, fails=True) for note in log.notes if note.startswith(NO_FLIGHT)]
     clips = any(note.startswith(CLIPS) for note in log.notes)
     noisy = [law for law in aside if not (clips and law.startswith("velocity"))]
@@ -247,9 +248,8 @@ def lags(log: FlightLog, vehicle: Vehicle | None = None) -> tuple[Lag, ...]:
     rise = Signal(log.t, log.v).rate
     up = attitude.body_z(Signal(log.t, log.q).turned(None, rise.t))
     lift = np.sum((rise.values + [0.0, 0.0, 9.81]) * up, axis=1)[:, None]
-    held = (
-        log.t if log.input == "rotor_speed" else log.t + 0.5 * log.step
-    )  # a held command acts half a row later
+    # a held command acts half a row later
+    held = log.t if log.input == "rotor_speed" else log.t + 0.5 * log.step
     told = {"thrust": log.u[:, :1] if log.throttle is None else log.throttle}
     asked = lift_of(told if log.rotor is None else {"rotor_speed": log.rotor})
     found.append(lag_of("lift", "thrust", Signal(rise.t, lift), Signal(held, asked[:, None])))
@@ -314,7 +314,8 @@ def _motion(log: FlightLog) -> dict[str, float]:
         return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
 
     tilt = np.degrees(np.arccos(np.clip(attitude.body_z(log.q)[:, 2], -1, 1)))
-    v, z = log.v * ("velocity" not in log.lacks), log.p[:, 2] * ("height" not in log.lacks)
+    v = log.v * ("velocity" not in log.lacks)
+    z = log.p[:, 2] * ("height" not in log.lacks)
     return {
         "speed [m/s]": rms(v),
         "fastest [m/s]": float(np.linalg.norm(v, axis=1).max()),

@@ -21,9 +21,8 @@ from np_drake.rigid_body import P, V
 PREFIX = "unknown:"
 RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
 DAMPING = 0.1  # damping of the resonances in the grids [1]
-TWISTS = tuple(
-    0.7 * 1.3**k for k in range(9)
-)  # frequencies of resonances between command and torque [Hz]
+# frequencies of resonances between command and torque [Hz]
+TWISTS = tuple(0.7 * 1.3**k for k in range(9))
 ELSEWHERE = "the same trajectory, moved by a metre"  # ends a force tied to a place
 CENTRES = 10  # number of centres of the position group
 GROUPS = {  # what each is, and the measurement that would end it
@@ -74,18 +73,15 @@ class FlightState:
     """
 
     def __init__(self, e: FlightResiduals):
-        self.vehicle, self.weight, self.gravity, self.step = (
-            e.vehicle,
-            e.weight,
-            e.vehicle.gravity,
-            e.grid.step,
-        )
+        self.vehicle = e.vehicle
+        self.weight = e.weight
+        self.gravity = e.vehicle.gravity
+        self.step = e.grid.step
         v_B = attitude.rotate_back(e.mids.q, e.wrench_states[1][:, V])
-        self.v, self.w = _above_noise(e.from_mids(v_B), e.log.v), _above_noise(e.w, e.log.w)
-        self.p, self.R = (
-            e.from_mids(e.mids.x[:, P]),
-            e.from_mids(attitude.rotation_matrix(e.mids.q)),
-        )
+        self.v = _above_noise(e.from_mids(v_B), e.log.v)
+        self.w = _above_noise(e.w, e.log.w)
+        self.p = e.from_mids(e.mids.x[:, P])
+        self.R = e.from_mids(attitude.rotation_matrix(e.mids.q))
         self.u = e.nominal[:, 2:]
         self.rotor = self.u @ e.vehicle.unmixer.T
         self.torque_unit = arm(e.vehicle) * np.array([0.3, 0.3, 0.1])
@@ -98,17 +94,15 @@ def _above_noise(values: np.ndarray, read: np.ndarray) -> np.ndarray:
     The noise is the mean over the three axes, because v is rotated from W to B.
     Source: Wiener gain.
     """
-    noise = (
-        np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0
-    )  # second differences have six times the variance
+    # second differences have six times the variance
+    noise = np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0
     return values * np.clip(
         1 - LEAST_SIGNAL_TO_NOISE * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0
     )
 
 
-Pushes = Callable[
-    [FlightState], np.ndarray
-]  # (m, 6, k) force and torque in B in units of their prior
+# (m, 6, k) force and torque in B in units of their prior
+Pushes = Callable[[FlightState], np.ndarray]
 
 
 def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> list[Candidate]:

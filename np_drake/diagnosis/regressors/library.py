@@ -51,15 +51,13 @@ class Candidate:
     # Physical coefficients by posterior mean (k,) and covariance (k, k), and the log probability of
     # being physical; None where all are.
     physical: Callable[[np.ndarray, np.ndarray], Mended] | None = None
-    generic: Callable[[FlightResiduals], np.ndarray] | None = (
-        None  # columns on any flight; None for library effects
-    )
+    # columns on any flight; None for library effects
+    generic: Callable[[FlightResiduals], np.ndarray] | None = None
     figures: dict[str, float] = dc.field(default_factory=dict)
     measurement: str = ""  # that would end what is generic
     onset_prior: float = 0.0
-    calibrated: bool = (
-        False  # part of every model already, so that it is a member only where it begins in flight
-    )
+    # part of every model already, so that it is a member only where it begins in flight
+    calibrated: bool = False
 
     @property
     def size(self) -> int:
@@ -178,7 +176,8 @@ def _not_negative(
     parameters from neutral.
     Source: own choice: each axis by itself.
     """
-    away, spread = root @ mean, np.sqrt(np.diag(root @ covariance @ root.T))
+    away = root @ mean
+    spread = np.sqrt(np.diag(root @ covariance @ root.T))
     log_probability = scipy.special.log_ndtr(away / spread)[one_sided].sum()
     return np.linalg.solve(root, np.where(one_sided, np.maximum(away, 0.0), away)), float(
         log_probability
@@ -233,14 +232,16 @@ def wind_candidates(
     Args:
         onset: onsets of the wind by flight [s].
     """
-    onset, vehicle = onset or {}, flights[0].vehicle
+    onset = onset or {}
+    vehicle = flights[0].vehicle
     typical = usual_size(LinearDrag.parameters[0], vehicle)
     speeds = np.array([usual_size(p, vehicle) for p in ConstantWind.parameters])
     out = []
     for drag in (c for c in plain if c.identifiers == (DRAG,)):
         columns = {}
         for e in flights:
-            unit, stages = Term(LinearDrag(typical, typical, typical), drag.onset), Stages()
+            unit = Term(LinearDrag(typical, typical, typical), drag.onset)
+            stages = Stages()
             still = predicted_residual(e, [unit], stages)
             windy = [
                 predicted_residual(e, [unit, Term(ConstantWind(*axis), onset)], stages)
@@ -291,7 +292,8 @@ ROTOR_SPEED_SCALE = 0.02
 THROTTLE_CURVE = 0.3  # of its exponent [1]; source: that of `throttle_input.SCATTER` over `USUAL`
 # Of a map in the vehicle file that states no uncertainty: of its scale, and of its exponent [1];
 # source: own choice.
-IDENTIFIED_SCALE, IDENTIFIED_CURVE = 0.05, 0.05
+IDENTIFIED_SCALE = 0.05
+IDENTIFIED_CURVE = 0.05
 # Deviations by which motion is ahead of commands, from which these are not held from their row [1].
 EARLY = 3.0
 
@@ -327,7 +329,8 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     """Return the options whose tolerance holds what vehicle file and input of these flights leave
     open.
     """
-    vehicle, log_input = flights[0].vehicle, flights[0].log.input
+    vehicle = flights[0].vehicle
+    log_input = flights[0].log.input
     # Mass and thrust are at least as uncertain as the vehicle file states for its own.
     tolerance = dc.replace(
         options.tolerance,

@@ -50,14 +50,16 @@ class WhiteNuisance:
         self.gram = np.eye(sum(c.size for c in linear))
         self.columns: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.rows: dict[str, slice] = {}
-        first, order = 0, noise.phi.shape[1]
+        first = 0
+        order = noise.phi.shape[1]
         for e in flights:
             parts = [e.y[..., None][..., :0], *(c.columns[e.name] for c in linear)]
             columns = np.concatenate(parts, axis=-1)
             at = np.flatnonzero(columns.any(axis=(0, 1)))
             last = first + (len(e.t) - order) * noise.phi.shape[0]
             X = root * e.white(noise, columns[..., at]).reshape(last - first, len(at))
-            self.rows[e.name], first = slice(first, last), last
+            self.rows[e.name] = slice(first, last)
+            first = last
             self.columns[e.name] = X, at
             self.gram[np.ix_(at, at)] += X.T @ X
 
@@ -88,8 +90,12 @@ class RegressionProblem:
         temperature: float,
         options: Options,
     ):
-        self.flights, self.noise, self.temperature = list(flights), noise, temperature
-        self.nuisance, self.candidates, self.options = nuisance, candidates, options
+        self.flights = list(flights)
+        self.noise = noise
+        self.temperature = temperature
+        self.nuisance = nuisance
+        self.candidates = candidates
+        self.options = options
         self._places = places(c.size for c in (*nuisance, *candidates))
         self._nuisance = sum(c.size for c in nuisance)
         self.linear = [c for c in nuisance if c.variant == LINEAR]
@@ -243,7 +249,9 @@ class SwitchedRegressors:
         others: np.ndarray,
         scale=1.0,
     ):
-        self._e, self._noise, self._scale = flight, noise, scale
+        self._e = flight
+        self._noise = noise
+        self._scale = scale
         self._order = noise.phi.shape[1]
         self.t = flight.t[self._order :]
         self._rise = flight.rise()
@@ -252,7 +260,9 @@ class SwitchedRegressors:
         self._near = len(self._rise) + self._order
         self.at = np.flatnonzero(others.any(axis=(0, 1)))
         both = np.concatenate([others[..., self.at], target[..., None]], axis=-1)
-        active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
+        active = np.flatnonzero(noise.active)
+        half = len(self._rise) // 2
+        m = len(self.t)
         driven, weighted = self._driven(active, flight.bridged(both[:, active]))
         # Innovations times this equal whitened values times whitened `both`; rows beyond either end
         # are zero.
@@ -282,7 +292,9 @@ class SwitchedRegressors:
             whole: their sums from `whole`.
             rows: (n,) whitened rows at which they begin.
         """
-        half, order, m = len(self._rise) // 2, self._order, len(self.t)
+        half = len(self._rise) // 2
+        order = self._order
+        m = len(self.t)
         offsets = np.arange(-half - order, half + order + 1)
         gate = np.concatenate([np.zeros((order, SIZE)), self._rise, np.ones((order, SIZE))])
         near = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
@@ -337,7 +349,8 @@ def onset_log_likelihood(
         cost: log likelihood that a change must bring.
     """
     columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
-    t, X = columns.t, own[..., None]
+    t = columns.t
+    X = own[..., None]
     whole = columns.whole(X)
     begun = columns.begun(X, whole, np.arange(1, len(t)))
     XX, Xy = (
@@ -363,9 +376,12 @@ def ordered_changes(
         barred: (n,) rows at which nothing begins or changes.
     Source: dynamic programming over ordered rows.
     """
-    following, later, last = list[np.ndarray](), np.zeros(len(XX)), len(XX) - 1
+    following = list[np.ndarray]()
+    later = np.zeros(len(XX))
+    last = len(XX) - 1
     for k in reversed(range(len(sizes))):
-        before, size = ([0.0, *sizes])[k], sizes[k]
+        before = ([0.0, *sizes])[k]
+        size = sizes[k]
         gain = (size - before) * Xy - 0.5 * (size**2 - before**2) * XX + later
         gain[:-1] -= cost * (k > 0)
         gain[barred] = -np.inf

@@ -17,9 +17,13 @@ from np_drake.files.page import Section, write_page
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rotor_layout import RotorName
 
-BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
+BEFORE = PALETTE[1]
+AFTER = PALETTE[0]
+NOISE = "0.25"
 PLAIN_TICKS = "{x:g}"  # 0.01, 0.1, 1 instead of powers of ten
-NOMINAL, WITH = "nominal simulator", "with the causes"  # in every legend
+# in every legend
+NOMINAL = "nominal simulator"
+WITH = "with the causes"
 
 
 def legend(figure: Figure) -> None:
@@ -102,7 +106,8 @@ def rotor_figure(vehicle: Vehicle, rotors: Sequence[RotorName], marked: Collecti
     # Front is up and left is left.
     p = np.array(vehicle.rotor_positions, float)[:, :2] @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     figure, grid = new_figure(1, 1, width=4.2, height=3.6)
-    ax, span = grid[0, 0], float(np.abs(p).max())
+    ax = grid[0, 0]
+    span = float(np.abs(p).max())
     radius = 0.36 * float(min(np.linalg.norm(a - b) for a, b in itertools.combinations(p, 2)))
     for rotor, centre, turn in zip(rotors, p, vehicle.rotor_directions, strict=True):
         stands_out = rotor.number in marked
@@ -131,12 +136,14 @@ def rotor_figure(vehicle: Vehicle, rotors: Sequence[RotorName], marked: Collecti
 ARROW = {"arrowstyle": "-|>", "color": "0.25", "shrinkA": 0.0, "shrinkB": 0.0}
 PLAIN_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
 TEMPLATE = Path(__file__).with_name("report.html.j2")
-PAGE, DATA = "report.html", "diagnosis.json"
+PAGE = "report.html"
+DATA = "diagnosis.json"
 
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
     """Return all values that the template uses, with numbers formatted as text."""
-    identifiability, reduction = diagnosis.identifiability, diagnosis.gap_reduction
+    identifiability = diagnosis.identifiability
+    reduction = diagnosis.gap_reduction
     replays = (reduction.replay_before, reduction.replay_after)
     return {
         **answer(diagnosis),
@@ -240,7 +247,8 @@ def write_report(
 
 def figures(diagnosis: Diagnosis) -> dict[str, Figure | None]:
     """Return the figures by name; None where the diagnosis has no data for one."""
-    regimes, reduction = diagnosis.localisation.regimes, diagnosis.gap_reduction
+    regimes = diagnosis.localisation.regimes
+    reduction = diagnosis.gap_reduction
     replays = (reduction.replay_before, reduction.replay_after)
     marked = [c.rotor.number for c in words.named_causes(diagnosis) if c.rotor]
     vehicle = diagnosis.nominal

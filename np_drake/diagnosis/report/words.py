@@ -104,10 +104,11 @@ def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[st
 
 def phrase(cause: Cause) -> str:
     """Return a cause with its size in few words, as in 'a 4.8 g payload on 0.52 m'."""
-    name, parameters = name_of(cause.identifier), cause.parameters
+    name = name_of(cause.identifier)
+    parameters = cause.parameters
     values = {n: estimate(p, unit_of(cause, p), brief=True)[0] for n, p in parameters.items()}
     values |= {"rotor": str(cause.rotor)} if cause.rotor else {}
-    (unit, *others) = {p.unit for p in parameters.values()} or {""}
+    unit, *others = {p.unit for p in parameters.values()} or {""}
     own = effect_of(cause.identifier).phrase
     if own and {field for _, field, _, _ in string.Formatter().parse(own) if field} <= set(values):
         later = listed(_changes(cause), "then")
@@ -126,10 +127,12 @@ def _changes(cause: Cause, flight: str = "") -> list[str]:
     """Return the changes of a payload's mass, as in '+250 g at 7.0 s' and 'dropped at 13.0 s'; in
     no flight, without their times.
     """
-    found, mass = [], cause.parameters["mass"].value if cause.loads else 0.0
+    found = []
+    mass = cause.parameters["mass"].value if cause.loads else 0.0
     steps = cause.steps(flight) if flight else [(math.inf, load) for load in cause.loads]
     for time, load in steps:
-        size, mass = load.value - mass, load.value
+        size = load.value - mass
+        mass = load.value
         sign = "+" if size > 0 else "−"
         what = f"{sign}{measure(abs(size), 'kg', 3)}" if mass else "dropped"
         found.append(what + f" at {time:.1f}{NBSP}s" * math.isfinite(time))
@@ -155,7 +158,8 @@ def changed(cause: Cause) -> str:
     free = [p for p in effect.parameters if not p.choices]
     if cause.effect is None or len(free) != 1 or not free[0].departure:
         return phrase(cause)
-    p, one = free[0], cause.parameters[free[0].name]
+    p = free[0]
+    one = cause.parameters[free[0].name]
     unit, text = departure(p, one.value - p.neutral, cause.rotor, shares=effect.shares)
     factor, shown = departure_unit(unit)
     low, high = (measure(factor * (end - p.neutral), shown) for end in one.ci95)
@@ -164,7 +168,9 @@ def changed(cause: Cause) -> str:
 
 def described(finding: Finding) -> str:
     """Return what a finding says, with the figures that its text leaves out."""
-    text, figures, more = finding.text.rstrip("."), finding.figures, []
+    text = finding.text.rstrip(".")
+    figures = finding.figures
+    more = []
     if "frequency" in figures and "Hz" not in text:
         more.append(f"near {measure(figures['frequency'], 'Hz')}")
     if "time" in figures and " s" not in text:
@@ -198,7 +204,8 @@ def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
         factor, unit = suited(part.before, part.unit)
         sizes = [number(factor * value, 2) for value in (part.before, part.after, part.noise)]
         rows.append((f"{part.kind} [{unit}]", *sizes, percent(part.left)))
-    total, share = diagnosis.gap_reduction, NOTHING
+    total = diagnosis.gap_reduction
+    share = NOTHING
     sizes = [number(value, 2) for value in (total.before, total.after, total.floor)]
     if total.material:
         low, high = total.ci95
@@ -254,8 +261,10 @@ def headline(diagnosis: Diagnosis) -> str:
     """
     if diagnosis.cannot_tell:
         return CANNOT_TELL
-    reduction, judges = diagnosis.gap_reduction, _judges(diagnosis)
-    left, sizes = reduction.left, sizes_left(reduction.left)
+    reduction = diagnosis.gap_reduction
+    judges = _judges(diagnosis)
+    left = reduction.left
+    sizes = sizes_left(reduction.left)
     unknown = UNKNOWN in diagnosis.verdict
     causes = named_causes(diagnosis)
     first = causes[:MOST_NAMED]
@@ -302,7 +311,9 @@ def _explained(diagnosis: Diagnosis, causes: Sequence[Cause], names: Sequence[st
     whether the replay improves.
     """
     names = [*names, *["calibration"] * bool(diagnosis.calibration)]
-    one, share, judges = len(names) == 1, diagnosis.gap_reduction.fraction, _judges(diagnosis)
+    one = len(names) == 1
+    share = diagnosis.gap_reduction.fraction
+    judges = _judges(diagnosis)
     if share < 0:
         return f"{listed(names)} {'does' if one else 'do'} not help: the gap on {judges} grows"
     text = f"{listed(names)} explain{'s' if one else ''} {percent(share)} of the gap on {judges}"
@@ -322,10 +333,12 @@ def _replayed(reduction: GapReduction) -> str:
     """Return how the position error of the replay changes at its last horizon; empty where it was
     not made.
     """
-    before, after = reduction.replay_before, reduction.replay_after
+    before = reduction.replay_before
+    after = reduction.replay_after
     if before is None or after is None:
         return ""
-    was, now = float(before.position[-1, 0]), float(after.position[-1, 0])
+    was = float(before.position[-1, 0])
+    now = float(after.position[-1, 0])
     horizon = f"after {before.horizon[-1]:g}{NBSP}s"
     if not np.isfinite(now):
         return f"; the corrected simulator loses the vehicle {horizon}"
@@ -347,8 +360,10 @@ def lead(diagnosis: Diagnosis) -> str:
     """
     if diagnosis.cannot_tell:
         return "The training flights excite too little to tell one effect from another."
-    causes, said = named_causes(diagnosis), []
-    unknown, traces = UNKNOWN in diagnosis.verdict, diagnosis.unexplained
+    causes = named_causes(diagnosis)
+    said = []
+    unknown = UNKNOWN in diagnosis.verdict
+    traces = diagnosis.unexplained
     if causes and diagnosis.gap_reduction.material:
         least = min(cause.probability for cause in causes)
         one = f"probability {probability(least)}"
@@ -397,9 +412,8 @@ def named_causes(diagnosis: Diagnosis) -> list[Cause]:
 
 DIFFERENCE_HEADER = ["difference", "95 % interval", "healthy vehicles"]
 MOST_DIFFERENCES = 8  # that are shown
-LEAST_DIFFERENCE = (
-    0.5  # of the standard deviation of healthy vehicles, below which none is shown [1]; own choice
-)
+# of the standard deviation of healthy vehicles, below which none is shown [1]; own choice
+LEAST_DIFFERENCE = 0.5
 SHOWN = 6  # columns of the table of causes that are always there
 
 

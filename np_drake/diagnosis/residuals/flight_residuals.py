@@ -23,8 +23,12 @@ from np_drake.logs.importing.signals import Signal
 from np_drake.rigid_body import Q, V, W
 from np_drake.vehicle import Vehicle
 
-FORCE, TORQUE, WRENCH = slice(0, 3), slice(3, 6), slice(0, 6)
-POSITION, VELOCITY, ATTITUDE = slice(6, 9), slice(9, 12), slice(12, 15)
+FORCE = slice(0, 3)
+TORQUE = slice(3, 6)
+WRENCH = slice(0, 6)
+POSITION = slice(6, 9)
+VELOCITY = slice(9, 12)
+ATTITUDE = slice(12, 15)
 SIZE = 15
 
 
@@ -148,7 +152,8 @@ class FlightResiduals:
         """
         if self.log.a is not None:
             return self.rows.x, self.mids.x
-        x, thrust = self.mids.x.copy(), self.thrust_mids @ self.vehicle.mixer[0]
+        x = self.mids.x.copy()
+        thrust = self.thrust_mids @ self.vehicle.mixer[0]
         x[:, V] = velocity_before(
             self.mids.t, np.diff(self.log.t), x[:, V], x[:, Q], thrust, self.vehicle, self.grid.step
         )
@@ -200,10 +205,8 @@ class FlightResiduals:
         """(m,) mean thrust of nominal rotors until the next row, less that at the row, over the
         mass [m/s²].
         """
-        u_rows, u_mids = (
-            self.thrust_rows @ self.vehicle.mixer.T,
-            self.thrust_mids @ self.vehicle.mixer.T,
-        )
+        u_rows = self.thrust_rows @ self.vehicle.mixer.T
+        u_mids = self.thrust_mids @ self.vehicle.mixer.T
         return self.from_mids(u_mids[:, 0] - u_rows[:-1, 0]) / self.vehicle.mass
 
     @cached_property
@@ -262,7 +265,8 @@ class FlightResiduals:
         """Return the step response (2 k + 1, 15) of the grid about its middle row, for evenly
         spaced log rows.
         """
-        fine, middle = self.grid.fine, len(self.t) // 2
+        fine = self.grid.fine
+        middle = len(self.t) // 2
         half = min(TAPS if self.grid.factor > 1 else 1, middle - 1)
         mids = fine + 0.5 * (fine[1] - fine[0])
         force, others = (
@@ -315,14 +319,12 @@ def _by_channel(force: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 LEAST_DURATION = 3.0  # least duration of a flight [s]; own choice
-SETTLING = (
-    7.0  # rotor time constants after which commands before the log no longer matter [1]; own choice
-)
+# rotor time constants after which commands before the log no longer matter [1]; own choice
+SETTLING = 7.0
 CLEAR = 0.3  # height over the ground up to which take-off and landing reach [m]; own choice
-CARRIED, SLOW = (
-    0.5,
-    0.2,
-)  # thrust over its median [1] and speed [m/s] below which the ground carries; own choice
+# thrust over its median [1] and speed [m/s] below which the ground carries; own choice
+CARRIED = 0.5
+SLOW = 0.2
 TOUCH = 0.5  # time about standing in which the ground still pushes [s]; own choice
 # initial thrust error over hover thrust, above which rotors had not settled [1]; own choice
 OFF = 0.4
@@ -355,7 +357,8 @@ def make_flight_residuals(
     since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
     first, last = (log.t[0], log.t[-1]) if vehicle.described else _clear_of_ground(log)
     grid = make_grid(log.t[(log.t >= max(since, first)) & (log.t <= last)], step)
-    none, still = np.zeros(len(grid.t), bool), np.zeros((len(grid.t), 6))
+    none = np.zeros(len(grid.t), bool)
+    still = np.zeros((len(grid.t), 6))
     rest = none if vehicle.described else _at_rest(log, grid, thrust_rows @ vehicle.mixer[0])
     e = FlightResiduals(
         log,
@@ -375,7 +378,8 @@ def make_flight_residuals(
         knows_torque=knows_torque,
     )
     y = np.concatenate([e.from_rows(force), e.from_mids(others)], axis=1)
-    u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
+    u_rows = thrust_rows @ vehicle.mixer.T
+    u_mids = thrust_mids @ vehicle.mixer.T
     f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
     nominal = np.concatenate([still[:, :2], e.from_rows(f), e.from_mids(u_mids[:, 1:])], axis=1)
     return dc.replace(e, y=e.known(y), nominal=nominal, w=e.from_mids(mids.x[:, W]))
@@ -457,7 +461,8 @@ def _channels(
     from_v = attitude.rotate_back(mids.q, np.diff(log.v, axis=0) / dt + g)
     u_mids = thrust_mids @ vehicle.mixer.T
     if log.a is None:
-        s, f = from_v, u_mids[:, 0]
+        s = from_v
+        f = u_mids[:, 0]
         e_a = np.zeros((len(mids.t), 3))
     else:
         s = attitude.rotate_back(q, log.a + g)

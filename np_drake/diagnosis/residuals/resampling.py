@@ -18,11 +18,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
 # Rows of the flights of a fit above which its grid is coarser, for time, up to a step that still
 # shows the lag of rotors [s]; own choice.
-MOST_ROWS, COARSEST = 4500, 0.042
+MOST_ROWS = 4500
+COARSEST = 0.042
 NEARLY = 0.1  # share of a row added before rounding down, for logs with jitter [1]; own choice
-SAME_STEP = (
-    0.01  # relative difference of steps below which rows are not interpolated [1]; own choice
-)
+# relative difference of steps below which rows are not interpolated [1]; own choice
+SAME_STEP = 0.01
 TAPS = 10  # half length of the low-pass [grid steps]
 
 
@@ -80,7 +80,8 @@ class Resampler:
     """
 
     def __init__(self, grid: Grid, weights: "scipy.sparse.csr_array"):
-        self._factor, self._weights = grid.factor, weights
+        self._factor = grid.factor
+        self._weights = weights
 
     @classmethod
     def of_instants(cls, grid: Grid, t: np.ndarray) -> "Resampler":
@@ -111,10 +112,14 @@ class Resampler:
         step = grid.step / grid.factor
         cells = np.append(grid.fine, grid.fine[-1] + step) - 0.5 * step
         knots = np.union1d(t, cells)
-        middle, length = 0.5 * (knots[1:] + knots[:-1]), np.diff(knots)
-        cell, interval = np.searchsorted(cells, middle) - 1, np.searchsorted(t, middle) - 1
+        middle = 0.5 * (knots[1:] + knots[:-1])
+        length = np.diff(knots)
+        cell = np.searchsorted(cells, middle) - 1
+        interval = np.searchsorted(t, middle) - 1
         both = (cell >= 0) & (cell < len(grid.fine)) & (interval >= 0) & (interval < len(t) - 1)
-        cell, interval, length = cell[both], interval[both], length[both]
+        cell = cell[both]
+        interval = interval[both]
+        length = length[both]
         share = length / np.bincount(cell, length)[cell]
         return cls(
             grid, scipy.sparse.csr_array((share, (cell, interval)), (len(grid.fine), len(t) - 1))
@@ -140,17 +145,14 @@ def _low_pass(factor: int) -> np.ndarray:
 
 SPIKE = 12.0  # robust deviations from a running median [1]; own choice
 WINDOW = 0.3  # length of that median [s]
-MOST_OUTLIERS = (
-    0.05  # share of a flight's rows above which spikes are part of the flight, not outliers [1]
-)
+# share of a flight's rows above which spikes are part of the flight, not outliers [1]
+MOST_OUTLIERS = 0.05
 ABOUT = 1  # rows to either side over which the grid smears an outlier
-OUTLIERS_APART = (
-    0.3  # outliers closer than this are merged: a tether that bounces; so are jumps of a swing [s]
-)
+# outliers closer than this are merged: a tether that bounces; so are jumps of a swing [s]
+OUTLIERS_APART = 0.3
 LONGEST_OUTLIER = 0.07  # a longer deviation is motion, not an outlier [s]
-LONGEST_BOUNCE = (
-    0.3  # longest with a payload, whose tether may snap taut several times in a row [s]
-)
+# longest with a payload, whose tether may snap taut several times in a row [s]
+LONGEST_BOUNCE = 0.3
 
 
 def find_outliers(
@@ -192,9 +194,11 @@ def bridge(values: np.ndarray, outliers: np.ndarray) -> np.ndarray:
     """
     if not outliers.any() or outliers.all():
         return values
-    good, bad = np.flatnonzero(~outliers), np.flatnonzero(outliers)
+    good = np.flatnonzero(~outliers)
+    bad = np.flatnonzero(outliers)
     after = np.searchsorted(good, bad)
-    low, high = good[np.maximum(after - 1, 0)], good[np.minimum(after, len(good) - 1)]
+    low = good[np.maximum(after - 1, 0)]
+    high = good[np.minimum(after, len(good) - 1)]
     share = np.where(high > low, (bad - low) / np.maximum(high - low, 1), 0.0).reshape(
         -1, *[1] * (values.ndim - 1)
     )

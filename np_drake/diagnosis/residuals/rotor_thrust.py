@@ -32,7 +32,8 @@ class Rotors:
     """Rotor model of one flight; what does not depend on effects is computed once."""
 
     def __init__(self, log: FlightLog, vehicle: Vehicle):
-        self._log, self._vehicle = log, vehicle
+        self._log = log
+        self._vehicle = vehicle
         self._step = log.step / SUBSTEPS
         self._row_t = log.t - log.t[0]
         self._t = np.arange(0.0, self._row_t[-1] + 0.5 * self._step, self._step)
@@ -127,7 +128,8 @@ class Rotors:
         Thrust and torques are filtered, as each has a spectrum of its own. Where the measured
         motion responds to the apparent noise, the readings are unfiltered, with zero noise.
         """
-        log, vehicle = self._log, self._vehicle
+        log = self._log
+        vehicle = self._vehicle
         noise = white_noise(_measured_pieces(log))
         likely = most_likely(log.u, noise, log.step)
         # A lower bound on the share of fast thrust and torque (n, 4) to which the motion responds
@@ -152,7 +154,8 @@ class Rotors:
         """Return the mean (m, 4) over substeps of a command that is held between rows and beyond
         both ends [N].
         """
-        command, t = np.maximum(self._log.u @ self._vehicle.unmixer.T, 0.0), self._row_t
+        command = np.maximum(self._log.u @ self._vehicle.unmixer.T, 0.0)
+        t = self._row_t
         total = np.concatenate(
             [np.zeros((1, 4)), np.cumsum(command[:-1] * np.diff(t)[:, None], axis=0)]
         )

@@ -69,7 +69,8 @@ def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instant
     Args:
         smooth: (n, 4) smoothed attitude at the rows.
     """
-    dt, step = np.diff(log.t)[:, None], log.step
+    dt = np.diff(log.t)[:, None]
+    step = log.step
     t_mid = 0.5 * (log.t[1:] + log.t[:-1])
     al = low_pass(np.diff(log.w, axis=0) / dt, step, REGRESSOR_BAND)
     x = np.concatenate([log.p, smooth, log.v, log.w], axis=1)
@@ -117,9 +118,8 @@ def _corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.n
     """
     v = scipy.integrate.cumulative_trapezoid(a, t, axis=0, initial=0.0)
     missed = p - scipy.integrate.cumulative_trapezoid(v, t, axis=0, initial=0.0)
-    a = (
-        a + 2.0 * np.polynomial.polynomial.polyfit(t - t[0], missed, 2)[2]
-    )  # mean error against the positions
+    # mean error against the positions
+    a = a + 2.0 * np.polynomial.polynomial.polyfit(t - t[0], missed, 2)[2]
     noise_p, noise_a = (float(np.sqrt(np.mean(white_noise([x]) ** 2))) for x in (p, a))
     first = _along_path(t, p, a, noise_p / max(REDDER * noise_a, QUIETEST))
     ringing = _ringing(first - a, float(np.median(np.diff(t))))
@@ -131,8 +131,10 @@ def _along_path(t: np.ndarray, p: np.ndarray, a: np.ndarray, ratio: float) -> np
     # Normal equations (1 + r² D'D) path = p + r² D'a; D'D has five bands, so that they are solved
     # in linear time.
     # The weights (3, n-2) of the previous, current and next row in the second derivative.
-    before, after = np.diff(t)[:-1], np.diff(t)[1:]
-    left, right = 2 / ((before + after) * before), 2 / ((before + after) * after)
+    before = np.diff(t)[:-1]
+    after = np.diff(t)[1:]
+    left = 2 / ((before + after) * before)
+    right = 2 / ((before + after) * after)
     D = np.stack([left, -(left + right), right])
     bands = np.zeros((3, len(t)))  # bands of 1 + ratio² D'D, upper form
     bands[2] = 1.0
@@ -191,13 +193,11 @@ def velocity_before(
 
 
 CROSSOVER = 1.0  # [Hz]; own choice: above it the gyro is better than a reading of 1 mrad or worse
-DRIFT = (
-    0.2  # [Hz]; own choice: below it the gyro drifts in W, and the error of a reading drifts in B
-)
+# [Hz]; own choice: below it the gyro drifts in W, and the error of a reading drifts in B
+DRIFT = 0.2
 ROUNDS = 3  # iterations that separate the two drifts; own choice
-QUIET = (
-    1e-3  # attitude noise below which readings are used as they are, and sensors may be ideal [rad]
-)
+# attitude noise below which readings are used as they are, and sensors may be ideal [rad]
+QUIET = 1e-3
 
 
 def _unwound(r: np.ndarray) -> np.ndarray:
@@ -253,9 +253,8 @@ def smooth_attitude(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> tuple[np.nda
     bias = np.sum(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None] - turned, axis=0) / (t[-1] - t[0])
     carried = _without_drift(attitude.integrated(t, q[0], w - bias), q, step)
     error = attitude.rotation_vector(attitude.multiply(attitude.conjugate(carried), q))
-    noise = float(
-        np.sqrt(np.mean(np.diff(error, n=2, axis=0) ** 2) / 6)
-    )  # white alone: biases are smooth
+    # white alone: biases are smooth
+    noise = float(np.sqrt(np.mean(np.diff(error, n=2, axis=0) ** 2) / 6))
     if noise < QUIET:
         return q, noise
     return attitude.multiply(

@@ -46,12 +46,15 @@ class TriedOnsets:
     """
 
     def __init__(self, flight: SwitchedRegressors, X: np.ndarray, inside: np.ndarray):
-        self._flight, self._X, self._whole = flight, X, flight.whole(X)
+        self._flight = flight
+        self._X = X
+        self._whole = flight.whole(X)
         self.ends = self._whole.rows([0, -1])  # from the start, and never
         self.start, self.never = self.ends.rows([0]), self.ends.rows([1])
         self.now = self.start
         self.onset: float | None = None
-        self.inside, self.rows = inside, inside[::COARSE]
+        self.inside = inside
+        self.rows = inside[::COARSE]
         self.sums = flight.begun(X, self._whole, self.rows)
 
     def refine(self, profile: np.ndarray) -> None:
@@ -87,7 +90,8 @@ class TriedOnsets:
     def settle(self, row: int | None) -> None:
         """Settle on this row; None: from the start."""
         if row is None:
-            self.now, self.onset = self.start, None
+            self.now = self.start
+            self.onset = None
         else:
             self.now = self._flight.begun(self._X, self._whole, np.array([row]))
             self.onset = float(self._flight.t[row])
@@ -116,9 +120,11 @@ class OnsetScan:
     """Log evidence of a candidate from any instant on, beside nuisance and members of a model."""
 
     def __init__(self, problem: RegressionProblem, members: Sequence[int] = ()):
-        self.problem, self.members = problem, members
+        self.problem = problem
+        self.members = members
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
-        scale, size = problem.temperature**-0.5, sum(c.size for c in chosen)
+        scale = problem.temperature**-0.5
+        size = sum(c.size for c in chosen)
         self._products = np.zeros((size + 1, size + 1))
         # Either side of what begins is then as long as a flight that can be diagnosed.
         self._edge = edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
@@ -131,7 +137,8 @@ class OnsetScan:
             B = np.concatenate([none, *(c.columns[e.name] for c in chosen)], axis=-1)
             flight = SwitchedRegressors(e, problem.noise, e.y, B, scale)
             self._products[np.ix_(*[[*flight.at, size]] * 2)] += flight.products
-            late, early = flight.t > flight.t[0] + edge, flight.t < flight.t[-1] - edge
+            late = flight.t > flight.t[0] + edge
+            early = flight.t < flight.t[-1] - edge
             self._flights[e.name], self._inside[e.name] = flight, np.flatnonzero(late & early)
         self._owner = np.repeat([-1] * len(problem.nuisance) + [*members], [c.size for c in chosen])
         self._regress(np.arange(len(self._owner)))
@@ -141,7 +148,8 @@ class OnsetScan:
         to be zero.
         """
         b = len(self._owner)
-        self.covariance, self.mean = np.zeros((b, b)), np.zeros(b)
+        self.covariance = np.zeros((b, b))
+        self.mean = np.zeros(b)
         own = np.linalg.inv(np.eye(len(on)) + self._products[np.ix_(on, on)])
         self.covariance[np.ix_(on, on)] = own
         self.mean[on] = own @ self._products[on, -1]
@@ -177,7 +185,8 @@ class OnsetScan:
     @property
     def _cost(self) -> float:
         """Log evidence that a change must bring, its prior among all rows of a flight included."""
-        priors, rows = self.problem.options.priors, max(len(f.t) for f in self._flights.values())
+        priors = self.problem.options.priors
+        rows = max(len(f.t) for f in self._flights.values())
         return priors.onset_gain - priors.onset + math.log(rows)
 
     def steps(self, candidate: Candidate) -> Times:
@@ -191,12 +200,14 @@ class OnsetScan:
             rows = np.array([0, *self._inside[name][::COARSE], len(flight.t)])
             XX, Xy = (sums[rows] for sums in self._left(name, candidate))
             # [i, j]: of the rows from boundary i to boundary j.
-            precision, product = 1.0 + XX[:, None] - XX, Xy[:, None] - Xy
+            precision = 1.0 + XX[:, None] - XX
+            product = Xy[:, None] - Xy
             gain = 0.5 * (product**2 / precision - np.log(np.maximum(precision, 1.0)))
             spans = (rows - rows[:, None]) * (flight.t[1] - flight.t[0])
             gain[spans < self._edge] = -np.inf
             gain[1:] -= self._cost
-            best, before = np.zeros(len(rows)), np.zeros(len(rows), int)
+            best = np.zeros(len(rows))
+            before = np.zeros(len(rows), int)
             for j in range(1, len(rows)):
                 total = best[:j] + gain[:j, j]
                 before[j] = np.argmax(total)
@@ -246,7 +257,8 @@ class OnsetScan:
         """Return the onsets from where they are settled, flight by flight, the others as they
         are.
         """
-        widths, prior = dict[str, float](), self.problem.options.priors.onset
+        widths = dict[str, float]()
+        prior = self.problem.options.priors.onset
         for _ in range(2):
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
@@ -268,7 +280,8 @@ class OnsetScan:
                 if best - max(start, never) > LEAST_GAIN:
                     scan.settle(scan.most_likely(profile))
                 elif may_lack and never - start > LEAST_GAIN:
-                    scan.now, scan.onset = scan.never, NEVER
+                    scan.now = scan.never
+                    scan.onset = NEVER
                 else:
                     scan.settle(None)
             if not any(scan.begins for scan in scans.values()):
@@ -287,8 +300,11 @@ class OnsetScan:
         """Return (n,) the log evidence with these sums of one flight, each with those of the
         rest.
         """
-        X, at, covariance = own.XB, own.at, self.covariance
-        XX, Xy = own.XX + sum(r.XX for r in rest), own.Xy + sum(r.Xy for r in rest)
+        X = own.XB
+        at = own.at
+        covariance = self.covariance
+        XX = own.XX + sum(r.XX for r in rest)
+        Xy = own.Xy + sum(r.Xy for r in rest)
         beside = np.zeros((X.shape[1], len(self._owner)))
         for r in rest:
             beside[:, r.at] += r.XB[0]
@@ -318,7 +334,8 @@ def switched_candidates(scan: OnsetScan) -> list[Candidate]:
 
     Every effect is tried alone, and beside those members of the scan that are another effect.
     """
-    problem, members = scan.problem, scan.members
+    problem = scan.problem
+    members = scan.members
     variants: dict[tuple[str, ...], list[Candidate]] = {}  # of effects that may begin in flight
     for c in problem.candidates:
         effects = [effect_of(name) for name in c.identifiers]
@@ -352,9 +369,11 @@ def _in_steps(
     Beside all `others` that may act. Steps that are too many do no harm at first: in their pieces
     they leave what else acts to its own columns, beside which they are sought anew.
     """
-    found, scan = Times(), OnsetScan(problem, others)
+    found = Times()
+    scan = OnsetScan(problem, others)
     for _ in range(ROUNDS):
-        before, found = found, scan.steps(weight)
+        before = found
+        found = scan.steps(weight)
         if found == before:
             break
         at = places(len(times) + 1 for times in found.values())
@@ -381,7 +400,8 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
 
     Steps that no model has yet are in the slow noise, which would hide them: white noise does not.
     """
-    flights, options = problem.flights, problem.options
+    flights = problem.flights
+    options = problem.options
     problem = problem.extended([], scale_only([problem.noise.rms[None]], problem.noise.step))
     plain = [c for c in problem.candidates if not c.onset]
     weights = [c for own in ((PAYLOAD,), WEIGHTS[0]) for c in plain if c.identifiers == own]
@@ -399,7 +419,8 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     if len(sizes) > 1 + MOST_CHANGES:
         return []
     others = [c for c in plain if c.size <= 3 and PAYLOAD not in c.identifiers]
-    found, order = list[Candidate](), np.argsort(sizes)
+    found = list[Candidate]()
+    order = np.argsort(sizes)
     for none in (order[:1], order[:2], order[:0]):
         loads = np.array(sizes) - min(sizes) + (not len(none))
         loads[none] = 0.0
@@ -434,10 +455,13 @@ def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
     A payload from the start that swings as it likes may explain more than such a weight; which is
     there is told later.
     """
-    problem, scan = scan.problem, scan.given(())
+    problem = scan.problem
+    scan = scan.given(())
     if PAYLOAD in hidden_from(problem.flights):
         return []
-    noise, nuisance, options = problem.noise, problem.nuisance, problem.options
+    noise = problem.noise
+    nuisance = problem.nuisance
+    options = problem.options
     plain = [c for c in problem.candidates if not c.onset]
     weights = [c for c in plain if c.identifiers in WEIGHTS]
     for c in [c for c in plain if c.identifiers == (PAYLOAD,)][:1]:
@@ -445,7 +469,8 @@ def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
         weights.insert(
             0, dc.replace(c, columns={n: X[..., :AT_REST] for n, X in c.columns.items()})
         )
-    least, every = options.priors.onset_gain, map(scan.best, weights)
+    least = options.priors.onset_gain
+    every = map(scan.best, weights)
     heavy = [f for f in every if f.onset and f.gain + f.prior > least]
     if not heavy:
         return []
@@ -478,7 +503,8 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
     The air is always there: a new wind comes with a drag that acts in all flights. A change since
     earlier flights is what is asked, and costs no prior.
     """
-    found, flights = list[Candidate](), problem.flights
+    found = list[Candidate]()
+    flights = problem.flights
     known = [
         (c, effect_of(c.identifiers[0]))
         for c in problem.candidates

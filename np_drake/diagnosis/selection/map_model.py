@@ -58,7 +58,8 @@ def condition(
         still_air: whether no wind acts in all flights; one that begins, or that some lack, is tried
             all the same.
     """
-    error, step = options.priors.linear_error, flights[0].grid.step
+    error = options.priors.linear_error
+    step = flights[0].grid.step
     nuisance = nuisance_of(flights, options.tolerance, options.priors)
     known = calibrated_alone(flights[0], options.tolerance)
     plain = [
@@ -200,9 +201,12 @@ def find_map_model(
     """
     options = with_input(options, flights) if options else options_of(flights)
     of = condition(flights, options, still_air=still_air)
-    priors, best, noise = options.priors, None, of.noise
+    priors = options.priors
+    best = None
+    noise = of.noise
     channels = [e.bridged(e.y) for e in of.flights]
-    hung, acting = list[Candidate](), list[Candidate]()
+    hung = list[Candidate]()
+    acting = list[Candidate]()
     for first in (True, False):
         known = [*of.candidates, *hung]
         begun = [c for c in acting if c.onset and not any(c is other for other in known)]
@@ -275,16 +279,17 @@ def search(problem: RegressionProblem) -> list[Model]:
 
 REFINED = 3  # models refined, with these less their negligible effects
 RANKING_MARGIN = 12.0  # log evidence below the best at which a model is not refined
-NEGLIGIBLE = (
-    0.1  # whitened size over that of all, below which a model is tried without an effect [1]
-)
+# whitened size over that of all, below which a model is tried without an effect [1]
+NEGLIGIBLE = 0.1
 
 
 def rank_models(found: Ranking) -> Ranking:
     """Return the best model ranked among its rivals, each refined: those that come close to it, and
     the best without its faint effects.
     """
-    problem, noise, priors = found.problem, found.noise, found.problem.options.priors
+    problem = found.problem
+    noise = found.noise
+    priors = found.problem.options.priors
     least = found.models[0].score - RANKING_MARGIN
     close = [m for m in _distinct(problem, found.models) if m.score > least]
     refined = {m: refit(problem, m, found.best, noise) for m in close[:REFINED]}
@@ -296,7 +301,8 @@ def rank_models(found: Ranking) -> Ranking:
             kept = tuple(t for t in best.terms if t.effect.identifier in names)
             refined[m] = refit(problem, m, dc.replace(best, terms=kept), noise)
     models = [*found.models, *(m for m in refined if m not in found.models)]
-    vehicle, height = problem.flights[0].vehicle, greatest_height(problem.flights)
+    vehicle = problem.flights[0].vehicle
+    height = greatest_height(problem.flights)
     possible = [
         fit
         for fit in refined.values()
@@ -334,7 +340,8 @@ def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[
     another that shifts them more: these are tried a third apart, and all of them, as a lag that is
     shorter than the vehicle file's and a delay may stand for that lag.
     """
-    flights, every = problem.flights, fit.everything
+    flights = problem.flights
+    every = fit.everything
 
     def trace(names: Sequence[str]) -> float:
         """Return the whitened size of what these effects leave in the flights."""

@@ -35,12 +35,11 @@ from np_drake.diagnosis.swing_fit import SMALL, WIDEST
 from np_drake.effects import SuspendedPayload
 from np_drake.effects.library import LIBRARY
 
-LONGEST_TETHER, SHORTEST_TETHER = 30.0, 0.1  # that a guess may have [m]
-SEARCH_LENGTHS = (
-    0.15,
-    2.5,
-    96,
-)  # of tethers in the search, at least: shortest, longest [m], number: 3 % apart
+# that a guess may have [m]
+LONGEST_TETHER = 30.0
+SHORTEST_TETHER = 0.1
+# of tethers in the search, at least: shortest, longest [m], number: 3 % apart
+SEARCH_LENGTHS = 0.15, 2.5, 96
 MOST_DAMPING = 1.0  # that a guess may have [1/s]
 LEAST_MASS_DEVIATIONS = 2.0  # least mass over its posterior deviation [1]; own choice
 LIGHTEST = 0.02  # least mass, as a share of `unit`, by which products with the mass are divided [1]
@@ -105,7 +104,8 @@ class PayloadColumns:
 
         The coefficients of length, hook, damping and swing are products with the mass.
         """
-        known, share = self.guess.effect.values, max(float(c[0]), LIGHTEST)
+        known = self.guess.effect.values
+        share = max(float(c[0]), LIGHTEST)
         stretch, brake = c[AT_REST : self.first] / share if self.shaped else np.zeros(SHAPE)
         length = known["length"] * (1 + np.clip(stretch * self.priors.length, -0.2, 0.2))
         values = {
@@ -192,16 +192,19 @@ def payload_about(
         shaped: whether length, damping and jumps at outliers are free as well.
     """
     unit = priors.payload_mass * flights[0].vehicle.mass
-    values, share = {**guess.effect.values, "mass": unit}, unit / guess.effect.values["mass"]
+    values = {**guess.effect.values, "mass": unit}
+    share = unit / guess.effect.values["mass"]
     loads = tuple(share * load for load in guess.loads)
     guess = dc.replace(guess, effect=SuspendedPayload.of(values), loads=loads)
-    shapes, widths = list[Term](), list[float]()
+    shapes = list[Term]()
+    widths = list[float]()
     if shaped:
         longer = {**values, "length": values["length"] * (1 + SMALL)}
         braked = {**values, "damping": values["damping"] + SMALL}
         shapes = [dc.replace(guess, effect=SuspendedPayload.of(own)) for own in (longer, braked)]
         widths = [priors.length, priors.damping]
-    rate, own = math.sqrt(flights[0].vehicle.gravity / values["length"]), {}
+    rate = math.sqrt(flights[0].vehicle.gravity / values["length"])
+    own = {}
     for e in flights:
         size = hidden_size(e, guess.begins(e.name)) if shaped else STATE
         swing = padded(guess.hidden.get(e.name), size)
@@ -210,7 +213,8 @@ def payload_about(
             for move in SMALL * np.diag(swing_units(size, rate))
         ]
         wrench = swing_wrenches(e, [guess, *shapes, *swung])
-        rest, moved = wrench[:, :1], wrench[:, 1:]
+        rest = wrench[:, :1]
+        moved = wrench[:, 1:]
         X = np.zeros((len(wrench), AT_REST + moved.shape[1], 6))
         X[:, :1] = rest
         # A hook acts on the torque alone, to first order.
@@ -244,8 +248,11 @@ class OtherRegressors:
         onset: Onset | None,
         horizons: Sequence[float] = (),
     ):
-        self._flights, self._noise, self._onset = list(flights), noise.head(CHANNELS), onset or {}
-        self._nuisance, every = sum(c.size for c in nuisance), [*nuisance, *others]
+        self._flights = list(flights)
+        self._noise = noise.head(CHANNELS)
+        self._onset = onset or {}
+        self._nuisance = sum(c.size for c in nuisance)
+        every = [*nuisance, *others]
         self._size = sum(c.size for c in every)
         self._white = []
         for e in flights:
@@ -286,7 +293,8 @@ class OtherRegressors:
         """Return the Cholesky factor L (n, n) of the Gram matrix of the others with its prior, and
         L^-1 of their products with y (n,).
         """
-        XX, Xy = np.eye(self._size), np.zeros(self._size)
+        XX = np.eye(self._size)
+        Xy = np.zeros(self._size)
         for e, (X, y, acting) in zip(self._flights, self._white, strict=True):
             n = self._rows(e, horizon)
             XX[np.ix_(acting, acting)] += X[:n].T @ X[:n]
@@ -304,7 +312,8 @@ class OtherRegressors:
             horizon: up to which rows count, from the payload's begin on [s].
             alone: beside nuisance alone.
         """
-        gram, every = self.grams(payload, horizon)[alone], np.arange(payload.size)
+        gram = self.grams(payload, horizon)[alone]
+        every = np.arange(payload.size)
         mean, log_probability = heavy_enough(*gram.posterior(every))
         return gram.log_evidence(every) + payload.log_prior + log_probability, mean
 
@@ -318,7 +327,8 @@ class OtherRegressors:
             horizon: up to which rows count, from the payload's begin on [s].
             alone: beside nuisance alone.
         """
-        gram, first = self.grams(payload, horizon)[alone], payload.first
+        gram = self.grams(payload, horizon)[alone]
+        first = payload.first
         residual = Gram(gram.XX, gram.Xy - gram.XX[:, 0] * mass)
         fixed = np.concatenate([[mass], np.zeros(first - 1)])
         return np.concatenate([fixed, residual.posterior(np.arange(first, payload.size))[0]])
@@ -328,9 +338,12 @@ class OtherRegressors:
         with nuisance and others in every model, and with nuisance alone.
         """
         k = payload.size
-        PX, PP, Py = np.zeros((k, self._size)), np.zeros((k, k)), np.zeros(k)
+        PX = np.zeros((k, self._size))
+        PP = np.zeros((k, k))
+        Py = np.zeros(k)
         for e, (X, y, acting) in zip(self._flights, self._white, strict=True):
-            rows, some = self._rows(e, horizon), payload.at(e.name)
+            rows = self._rows(e, horizon)
+            some = payload.at(e.name)
             P = self._flat(e, payload.own[e.name])[:rows]
             PX[np.ix_(some, acting)] += P.T @ X[:rows]
             PP[np.ix_(some, some)] += P.T @ P
@@ -354,9 +367,8 @@ DISTINCT = 12  # number of lengths that can be told apart, for the prior of one
 NEAR = 0.06  # relative difference below which lengths are the same [1]
 ENDS = (HORIZONS[0], HORIZONS[-1])
 SHARPENED = ((0.4, 0.05), (0.04, 0.01))  # about an onset: span to either side and step, in turn [s]
-MOVES = (
-    4  # of a span, at most, whose best instant is nearer to an end than to its middle; own choice
-)
+# of a span, at most, whose best instant is nearer to an end than to its middle; own choice
+MOVES = 4
 AFTER_ONSET = 2.0  # up to which the evidence of an onset is computed [s]
 STEPS = 3  # Gauss-Newton steps at each horizon
 
@@ -371,11 +383,13 @@ def search_lengths(flights: Sequence[FlightResiduals]) -> np.ndarray:
     Args:
         flights: whose height allows them; where it is not logged, `SEARCH_LENGTHS` alone are tried.
     """
-    usual, height = np.geomspace(*SEARCH_LENGTHS), greatest_height(flights)
+    usual = np.geomspace(*SEARCH_LENGTHS)
+    height = greatest_height(flights)
     swings = flights[0].vehicle.gravity * (max(np.ptp(e.t) for e in flights) / (2 * np.pi)) ** 2
     most = min(height, swings, LONGEST_TETHER) if np.isfinite(height) else 0.0
     # A swing drifts out of step by the same angle where 1 / sqrt(length) is evenly spaced.
-    first, spacing = usual[-1] ** -0.5, usual[-2] ** -0.5 - usual[-1] ** -0.5
+    first = usual[-1] ** -0.5
+    spacing = usual[-2] ** -0.5 - usual[-1] ** -0.5
     longer = np.arange(first - spacing, max(most, SEARCH_LENGTHS[1]) ** -0.5, -spacing) ** -2.0
     return np.concatenate([usual, longer])
 
@@ -397,7 +411,9 @@ class PayloadSearch:
         lengths: np.ndarray | None = None,
         **loads: Any,
     ):
-        self._flights, self._onset, self._priors = list(flights), onset or {}, options.priors
+        self._flights = list(flights)
+        self._onset = onset or {}
+        self._priors = options.priors
         lengths = search_lengths(flights) if lengths is None else lengths
         self._at_rest = [payload_of(length, onset, **loads) for length in lengths.tolist()]
 
@@ -441,7 +457,8 @@ class PayloadSearch:
         """Return the best, of different lengths."""
         kept: list[tuple[Term, Candidate]] = []
         scored = [(beside.gain(p, math.inf)[0], p) for p in found if p is not None]
-        prior, lengths = -math.log(len(self._at_rest) / DISTINCT), list[float]()
+        prior = -math.log(len(self._at_rest) / DISTINCT)
+        lengths = list[float]()
         for _, payload in sorted(scored, key=lambda f: -f[0]):
             length = payload.guess.effect.values["length"]
             if len(kept) < KEPT and all(abs(math.log(length / of)) > NEAR for of in lengths):
@@ -471,10 +488,13 @@ class PayloadSearch:
 
         def best_about(e: FlightResiduals, near: float, span: float, step: float) -> float:
             """Return the best instant of one flight within `span` of `near` [s]."""
-            head, horizon = [e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))], AFTER_ONSET
+            head = [e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))]
+            horizon = AFTER_ONSET
             beside = OtherRegressors(head, noise, nuisance, [], {e.name: near}, (horizon,))
-            first, last = max(e.t[1], near - span), min(e.t[-1], near + span)
-            times, gains = np.arange(first, last, max(step, e.grid.step)).tolist(), []
+            first = max(e.t[1], near - span)
+            last = min(e.t[-1], near + span)
+            times = np.arange(first, last, max(step, e.grid.step)).tolist()
+            gains = []
             for t in times:
                 payload = dc.replace(guess, onset={e.name: t}, hidden={})
                 for _ in range(1 + STEPS):
@@ -490,7 +510,8 @@ class PayloadSearch:
                 continue
             for span, step in SHARPENED:
                 for _ in range(MOVES):
-                    before, near = near, best_about(e, near, span, step)
+                    before = near
+                    near = best_about(e, near, span, step)
                     if abs(near - before) <= 0.5 * span:
                         break
             found[e.name] = near
@@ -508,7 +529,8 @@ class PayloadSearch:
         Args:
             alone: beside nuisance alone.
         """
-        mean, priors = np.zeros(0), self._priors
+        mean = np.zeros(0)
+        priors = self._priors
         for horizon in [h for h in beside.horizons if h >= first]:
             flights = beside.heads[horizon]
             payload = payload_about(flights, guess, priors)
@@ -521,7 +543,10 @@ class PayloadSearch:
                 new_gain, new_mean = beside.gain(new, horizon, alone=alone)
                 if new_gain < gain and horizon == math.inf:
                     break
-                before, payload, gain, mean = gain, new, new_gain, new_mean
+                before = gain
+                payload = new
+                gain = new_gain
+                mean = new_mean
                 if abs(gain - before) < 0.5:
                     break
             if gain < LOST:

@@ -30,7 +30,8 @@ from np_drake.checks import require
 # rounding moves an eigenvalue by at most K eps cond(V)^2 (Bauer-Fike), which is less while the
 # condition is below the first number; up to the second the eigenvalues are counted once more.
 _MARGIN = 1.0 - 1e-9
-_CERTAIN, _ILL = 400.0, 1e8
+_CERTAIN = 400.0
+_ILL = 1e8
 RADIUS = 0.9999  # largest |eigenvalue| of an A that is fitted to a window [1]
 
 
@@ -56,7 +57,8 @@ def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
     re, im, _, V, info = lapack.dgeev(A, compute_vl=0, compute_vr=1)
     require(not info, "stabilized: the eigenvalues of A must converge.", np.linalg.LinAlgError)
     size = np.hypot(re, im)
-    largest, limit = float(size.max()), radius * _MARGIN
+    largest = float(size.max())
+    limit = radius * _MARGIN
     if largest <= limit:
         return A
     pulled, condition = _pulled(A, V, size, limit)
@@ -104,7 +106,8 @@ class LiftedLinearSystem:
     step: float  # time of one application of A [s]
 
     def __post_init__(self):
-        K, shapes = len(self.A), [matrix.shape for matrix in (self.A, self.B, self.C)]
+        K = len(self.A)
+        shapes = [matrix.shape for matrix in (self.A, self.B, self.C)]
         require(
             shapes == [(K, K), (K, 6), (6, K)],
             f"LiftedLinearSystem: A, B, C must be (K, K), (K, 6), (6, K); got {shapes}.",
@@ -136,7 +139,8 @@ class LiftedLinearSystem:
         augmented = np.eye(self.K + 6)
         augmented[: self.K] = np.hstack([self.A, self.B])
         power = np.linalg.matrix_power(augmented, int(stride))
-        A, B = power[: self.K, : self.K], power[: self.K, self.K :]
+        A = power[: self.K, : self.K]
+        B = power[: self.K, self.K :]
         return LiftedLinearSystem(A, B, self.C, self.step * stride)
 
 
@@ -225,7 +229,8 @@ class Taps:
             "Taps: must have 1 <= dense <= delay and 0 <= averages <= delay - dense; "
             f"got {dense}, {averages}, {delay}.",
         )
-        rows, ages = list(np.eye(delay)[::-1][:dense]), np.arange(delay)[::-1]
+        rows = list(np.eye(delay)[::-1][:dense])
+        ages = np.arange(delay)[::-1]
         edges = _edges(dense, delay, averages) if averages else np.zeros(0, int)
         for near, far in itertools.pairwise(edges):
             rows.append(((near <= ages) & (ages < far)) / (far - near))
@@ -283,9 +288,8 @@ class Trust:
     readout: np.ndarray  # (H, 6, K) forecast of each horizon from z, zeta held
     projector: np.ndarray  # (K, H, 6) amplitudes of a predicted trajectory
     mean: np.ndarray  # (6,) of chi in training [N, N·m]
-    half: float = (
-        400.0  # horizon at which half of a departure is believed before any evidence [steps]
-    )
+    # horizon at which half of a departure is believed before any evidence [steps]
+    half: float = 400.0
     evidence: float = 100.0  # samples that weigh as much as the prior, beside h itself [1]
     caution: float = 3000.0  # the same for b [1]
     settle: float = 800.0  # the same for the mean so far [1]
@@ -299,7 +303,8 @@ class Trust:
         trust/total: (6,) sum of chi.
         trust/seen: samples in it.
         """
-        H, K = len(self.horizons), self.readout.shape[2]
+        H = len(self.horizons)
+        K = self.readout.shape[2]
         return {
             "trust/ring": np.zeros((int(self.horizons[-1]), K + 12)),
             "trust/sums": np.zeros((5, H, 4)),
@@ -344,13 +349,16 @@ class Trust:
         """Return totals after one more label (6,), with the forecasts that it verifies added to
         the sums.
         """
-        total, seen = memory["trust/total"] + chi, memory["trust/seen"] + 1.0
+        total = memory["trust/total"] + chi
+        seen = memory["trust/seen"] + 1.0
         found = {"trust/total": total, "trust/seen": seen}
         due = np.flatnonzero(self.horizons <= memory["trust/lifted"][0])
         if len(due):
             rows = memory["trust/ring"][-self.horizons[due]]
             K = self.readout.shape[2]
-            z, then, mean = rows[:, :K], rows[:, K : K + 6], rows[:, K + 6 :]
+            z = rows[:, :K]
+            then = rows[:, K : K + 6]
+            mean = rows[:, K + 6 :]
             forecast = np.einsum("hck,hk->hc", self.readout[due], z)
             base, p, q = _regressors(forecast, then, mean)
             sums = memory["trust/sums"].copy()
@@ -363,8 +371,11 @@ class Trust:
         h = self.horizons[:, None]
         prior = 1.0 / (1.0 + h / self.half)  # a before any evidence
         pull = (self.evidence + h) * power[0]
-        pp, pq, qq = sums[0] + pull + 1e-12, sums[1], sums[2] + self.caution * power[1] + 1e-12
-        pa, qa = sums[3] + pull * prior, sums[4]
+        pp = sums[0] + pull + 1e-12
+        pq = sums[1]
+        qq = sums[2] + self.caution * power[1] + 1e-12
+        pa = sums[3] + pull * prior
+        qa = sums[4]
         # Normal equations [[pp, pq], [pq, qq]] [a b]' = [pa qa]' by Cramer's rule, b first and a
         # for the b that is kept
         b = np.clip((pp * qa - pq * pa) / np.maximum(pp * qq - pq**2, 1e-300), 0.0, 1.0)

@@ -17,7 +17,8 @@ from np_drake.lifting.model.lpv_model import (
 )
 from np_drake.trained_model import STEPS, number_in, read_model, schema_of, summary_in, write_model
 
-PAPER, MODE_DICTIONARY = "paper", "mode-dictionary"
+PAPER = "paper"
+MODE_DICTIONARY = "mode-dictionary"
 CONFIGURATIONS = (PAPER, NEURAL_LPV, MODE_DICTIONARY)
 
 
@@ -30,15 +31,13 @@ class LiftedModel:
     trust: correction of z in flight by the outcome of earlier forecasts; None for none.
     """
 
-    configuration: (
-        str  # of `CONFIGURATIONS`; a label only, as all that flies is in the other fields
-    )
+    # of `CONFIGURATIONS`; a label only, as all that flies is in the other fields
+    configuration: str
     system: LiftedLinearSystem  # offline lifted linear system at the training step
     encoder: Encoder
     zeta_scale: np.ndarray = dc.field(default_factory=lambda: np.ones(6))  # in a refit [m/s, rad/s]
-    summary: dict[str, Any] = dc.field(
-        default_factory=dict
-    )  # key figures of the training, for people
+    # key figures of the training, for people
+    summary: dict[str, Any] = dc.field(default_factory=dict)
     refit: int = 0
     ridge: float = 0.0
     trust: Trust | None = None
@@ -75,7 +74,8 @@ Predictor = LiftedModel | LpvModel  # of any configuration
 
 
 # What a header may hold, own choice: beyond it a file is damaged.
-LONGEST, LARGEST_RIDGE = 10_000, 1e12
+LONGEST = 10_000
+LARGEST_RIDGE = 1e12
 
 
 SCHEMA = "np_drake.lifted_model/3"  # format of the file and its version

@@ -27,7 +27,9 @@ from np_drake.vehicle.scaling import PERIOD, ratios
 NEURAL_LPV = "neural-lpv"
 LPV_SCHEMA = "np_drake.lpv_model/1"  # format of the file and its version
 TAPS = Taps.averaging(100, 8, 12)  # what the encoders see of a window
-BLOCKS, BLOCK = 10, 8  # means of so many samples, of which the statistics are made [1]
+# means of so many samples, of which the statistics are made [1]
+BLOCKS = 10
+BLOCK = 8
 DECAYS = np.exp(-1.0 / np.array([75.0, 300.0]))  # of the statistics over a sample [1]
 NEW = 400.0  # samples during which a flight counts as new [1]
 ARM = 0.1  # unit of a torque over that of a force, of the paper's vehicle [m]
@@ -36,7 +38,9 @@ LEAST = 1e-3  # added to mean squares before their logarithm [1]
 CHANNELS = np.array([0, 6, 10, 4, 1, 7, 9, 3])
 SIGNS = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
 VERTICAL = [2, 8]  # force and velocity of heave
-OSCILLATORS, DECAYING = 2, 3  # of a plane; heave has as many decays
+# of a plane; heave has as many decays
+OSCILLATORS = 2
+DECAYING = 3
 PLANE = 2 * OSCILLATORS + DECAYING  # states of a plane
 LEVEL = 2 * PLANE + DECAYING  # first state that is a level of the torque
 VELOCITY = LEVEL + 2  # first state that is the last velocity
@@ -44,7 +48,8 @@ K = VELOCITY + 3
 # What the network writes: logarithms of rates [1/step] within bounds, from slower than a flight to
 # a step or two (own choice), inputs of each state, drag in the planes and in heave
 RATES = 2 * OSCILLATORS + 2 * DECAYING
-LOWEST, HIGHEST = np.log(5e-5), np.log(0.6)
+LOWEST = np.log(5e-5)
+HIGHEST = np.log(0.6)
 PARAMETERS = RATES + PLANE + DECAYING + 2
 MOST = 20.0  # largest logarithm of a gate [1]
 
@@ -72,7 +77,8 @@ class Features:
     @classmethod
     def of(cls, windows: np.ndarray) -> "Features":
         """Return the features of windows."""
-        shape, moved = windows.shape[:-2], windows[..., CHANNELS] * SIGNS
+        shape = windows.shape[:-2]
+        moved = windows[..., CHANNELS] * SIGNS
         seen = (TAPS.matrix @ moved).reshape(*shape, -1, 2, 4)
         parts = moved[..., -BLOCKS * BLOCK :, :].reshape(*shape, BLOCKS, BLOCK, 2, 4)
         up = windows[..., 8]
@@ -103,8 +109,10 @@ class LpvModel:
     window = TAPS.delay
 
     def __post_init__(self):
-        J, taps = len(self.experts), len(TAPS.matrix)
-        P, Q = self.probes.shape[1], len(self.glances)
+        J = len(self.experts)
+        taps = len(TAPS.matrix)
+        P = self.probes.shape[1]
+        Q = len(self.glances)
         shapes = {
             "scale": (12,),
             "experts": (J, PLANE, 4 * taps),
@@ -150,14 +158,16 @@ class LpvModel:
             age: (..., 1) samples of the flight over `NEW`, at most 1.
             xp: numpy, or torch where all arrays are tensors.
         """
-        batch, J = planes.shape[:-2], len(self.experts)
+        batch = planes.shape[:-2]
+        J = len(self.experts)
         value = self.network(self.statistics(planes, heave, mean, age, xp))
         gates = xp.exp(value[..., :J].clip(-MOST, MOST))
         gates = gates / gates.sum(-1)[..., None]
         mixed = (gates @ self.experts.reshape(J, -1)).reshape(*batch, PLANE, -1)
         lifts = (gates @ self.lifts.reshape(J, -1)).reshape(*batch, DECAYING, -1)
         states = (planes @ mixed.swapaxes(-1, -2)).reshape(*batch, -1)
-        up, level = (lifts @ heave[..., None])[..., 0], planes @ self.level
+        up = (lifts @ heave[..., None])[..., 0]
+        level = planes @ self.level
         return xp.concatenate([states, up, level], -1), value[..., J:]
 
     def matrices(self, theta: Array, xp: Any = np) -> tuple:
@@ -166,7 +176,8 @@ class LpvModel:
         Args:
             xp: as of `schedule`.
         """
-        rates, batch = xp.exp(theta[..., :RATES].clip(LOWEST, HIGHEST)), theta.shape[:-1]
+        rates = xp.exp(theta[..., :RATES].clip(LOWEST, HIGHEST))
+        batch = theta.shape[:-1]
         A, B, C = (xp.zeros((*batch, *size)) for size in ((K, K), (K, 6), (6, K)))
         size = xp.exp(-rates[..., OSCILLATORS : 2 * OSCILLATORS])
         cos, sin = (size * of(rates[..., :OSCILLATORS]) for of in (xp.cos, xp.sin))
@@ -175,16 +186,22 @@ class LpvModel:
             own = slice(axis * PLANE, (axis + 1) * PLANE)
             a = own.start + np.arange(OSCILLATORS)
             A[..., a, a] = A[..., a + OSCILLATORS, a + OSCILLATORS] = cos
-            A[..., a, a + OSCILLATORS], A[..., a + OSCILLATORS, a] = sin, -sin
+            A[..., a, a + OSCILLATORS] = sin
+            A[..., a + OSCILLATORS, a] = -sin
             q = own.start + np.arange(2 * OSCILLATORS, PLANE)
             A[..., q, q] = decays[..., :DECAYING]
             B[..., own, axis] = theta[..., RATES : RATES + PLANE]
             C[..., axis, a] = C[..., axis, q] = 1.0
-            C[..., row, own], C[..., row, LEVEL + axis] = sign * self.torque, sign
+            C[..., row, own] = sign * self.torque
+            C[..., row, LEVEL + axis] = sign
             C[..., axis, VELOCITY + axis] = theta[..., -2]
-        up, level, last = np.arange(2 * PLANE, LEVEL), [LEVEL, LEVEL + 1], np.arange(3)
-        A[..., up, up], B[..., up, 2] = decays[..., DECAYING:], theta[..., RATES + PLANE : -2]
-        C[..., 2, up], C[..., 2, VELOCITY + 2] = 1.0, theta[..., -1]
+        up = np.arange(2 * PLANE, LEVEL)
+        level = [LEVEL, LEVEL + 1]
+        last = np.arange(3)
+        A[..., up, up] = decays[..., DECAYING:]
+        B[..., up, 2] = theta[..., RATES + PLANE : -2]
+        C[..., 2, up] = 1.0
+        C[..., 2, VELOCITY + 2] = theta[..., -1]
         A[..., level, level] = B[..., VELOCITY + last, last] = 1.0
         return A, B, C
 
@@ -203,5 +220,6 @@ def lpv_tensors(model: LpvModel) -> dict[str, np.ndarray]:
 
 def lpv_model_of(tensors: dict[str, Any], header: dict[str, Any]) -> LpvModel:
     """Return the model of the content of a file."""
-    network, step = Perceptron.taken_from(tensors), number_in(header, "step", *STEPS)
+    network = Perceptron.taken_from(tensors)
+    step = number_in(header, "step", *STEPS)
     return LpvModel(step, **tensors, network=network, summary=summary_in(header))

@@ -13,10 +13,8 @@ def turns(zeta: np.ndarray) -> list[np.ndarray]:
     """Return the eight images of zeta (n, 6) under quarter turns about the vertical and the mirror
     y -> -y.
     """
-    quarter, mirror = (
-        zeta[:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1],
-        np.array([1, -1, 1, -1, 1, -1]),
-    )
+    quarter = zeta[:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1]
+    mirror = np.array([1, -1, 1, -1, 1, -1])
     half = np.array([-1, -1, 1, -1, -1, 1])
     images = [zeta, quarter, zeta * half, quarter * half]
     return images + [image * mirror for image in images]
@@ -24,9 +22,8 @@ def turns(zeta: np.ndarray) -> list[np.ndarray]:
 
 TURNS = np.array(turns(np.eye(6)))  # (8, 6, 6): row vectors chi and zeta times it are their images
 CHANNELS = ("vx", "vy", "vz", "wx", "wy", "wz")
-AVERAGE = (
-    8  # samples averaged before motion is compared with noise: dynamics are slower than noise [1]
-)
+# samples averaged before motion is compared with noise: dynamics are slower than noise [1]
+AVERAGE = 8
 RELEVANT = 0.01  # motion below this share of the group's (v or omega) counts as noise [1]
 THRESHOLD = 4.0  # motion over its noise from which a direction counts as excited [1]
 

@@ -65,7 +65,8 @@ def flight_moments(
         symmetry: share of the moments that is averaged over quarter turns about body z and the
             mirror y -> -y, 0 … 1. The mean of the images is that of a perfectly symmetric airframe.
     """
-    first, last = taps.delay - 1, len(samples) - int(horizons[-1])
+    first = taps.delay - 1
+    last = len(samples) - int(horizons[-1])
     origins = np.arange(first, last, max(1, -(-(last - first) // max_origins)))
     windows = sliding_window_view(samples, taps.delay, axis=0)[origins - taps.delay + 1]
     F = np.hstack([taps.features(windows.transpose(0, 2, 1)), np.ones((len(origins), 1))])
@@ -122,13 +123,16 @@ def symmetrised(gram: np.ndarray, cross: np.ndarray, share: float) -> tuple[np.n
         cross: (p, ..., 6) of features and goals.
         share: of the average [1].
     """
-    grams, crosses, turning = [], [], len(gram) // 6 * 6
+    grams = []
+    crosses = []
+    turning = len(gram) // 6 * 6
     T = np.eye(len(gram))
     for turn in TURNS:
         T[:turning, :turning] = np.kron(np.eye(turning // 6), turn)
         grams.append(T.T @ gram @ T)
         crosses.append(np.tensordot(T.T, cross, axes=1) @ turn)
-    mean_gram, mean_cross = np.mean(grams, axis=0), np.mean(crosses, axis=0)
+    mean_gram = np.mean(grams, axis=0)
+    mean_cross = np.mean(crosses, axis=0)
     return (1 - share) * gram + share * mean_gram, (1 - share) * cross + share * mean_cross
 
 
@@ -168,7 +172,8 @@ class ModeDictionary:
         """
         out = np.zeros((len(self.poles), len(horizons), 6))
         for channel in range(6):
-            modes, weight = self.channel == channel, weights[:, channel // 3]
+            modes = self.channel == channel
+            weight = weights[:, channel // 3]
             basis = self.poles[modes] ** horizons[:, None] * weight[:, None]
             # Least squares of a trajectory on lambda^h, weighted: (V'V + ridge) z = V' w chi
             normal = basis.T @ basis
@@ -207,22 +212,13 @@ class ModeDictionaryConfig:
     horizons: int = 18  # how many are, closer together near 0 [1]
     # Time constants, beside a level [steps]
     force_modes: tuple[float, ...] = (1.5, 4.0, 11.0, 32.0, 100.0, 300.0)
-    torque_modes: tuple[float, ...] = (
-        1.5,
-        4.0,
-        10.0,
-        25.0,
-        60.0,
-        150.0,
-        400.0,
-    )  # time constants [steps]
+    # time constants [steps]
+    torque_modes: tuple[float, ...] = 1.5, 4.0, 10.0, 25.0, 60.0, 150.0, 400.0
     noise: float = 3e-4  # of the samples the encoder sees, in units of their scale [1]
-    symmetry: float = (
-        0.8  # how symmetric the airframe is taken to be: about body z and left to right [1]
-    )
-    trust_half: float = (
-        200.0  # horizon at which half a departure is believed before any evidence [steps]
-    )
+    # how symmetric the airframe is taken to be: about body z and left to right [1]
+    symmetry: float = 0.8
+    # horizon at which half a departure is believed before any evidence [steps]
+    trust_half: float = 200.0
     max_origins: int = 4000  # of a segment; thinned beyond [1]
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
 

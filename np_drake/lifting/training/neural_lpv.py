@@ -36,19 +36,28 @@ from np_drake.lifting.training.excitation import excitation
 from np_drake.trained_model import Perceptron
 from np_drake.training_data.segments import Segment, check_segments
 
-STRIDE, STEPS = 2, 20  # samples between forecasts, and how many there are ahead, as of the MPC
+# samples between forecasts, and how many there are ahead, as of the MPC
+STRIDE = 2
+STEPS = 20
 HORIZON = STRIDE * STEPS  # [samples]
-EARLIEST, SPACING = 5, 2  # first origin of a flight, and samples between two
+# first origin of a flight, and samples between two
+EARLIEST = 5
+SPACING = 2
 AVERAGED = 5  # labels that are averaged in what a forecast is compared with
 # Of force in the planes, in heave, of torque: least usual error [m/s²], weight, and which have a
 # usual error of their own in each flight. In heave that would be of the jumps, and hide them.
-FINE, WEIGHT = torch.tensor([0.03, 0.1, 0.04]), torch.tensor([1.0, 0.1, 0.5])
+FINE = torch.tensor([0.03, 0.1, 0.04])
+WEIGHT = torch.tensor([1.0, 0.1, 0.5])
 OWN = torch.tensor([1.0, 0.0, 1.0])
 KEPT = 0.95  # of a flight's usual square error, at a new one [1]
 ROBUST = 2.0  # error over the usual one beyond which it counts linearly [1]
 # At the start, of oscillators and decays [1/step]
-TURNS, DAMPINGS, RATE = (0.07, 0.12), (6e-3,) * OSCILLATORS, (2e-3, 0.04, 0.2)
-INPUT, DRAG = 0.06, 0.3  # of an output of the network
+TURNS = (0.07, 0.12)
+DAMPINGS = (6e-3,) * OSCILLATORS
+RATE = (2e-3, 0.04, 0.2)
+# of an output of the network
+INPUT = 0.06
+DRAG = 0.3
 WEAK = 1e-4  # power of a direction that counts as none, over the strongest [1]
 REPORTS = 20  # of the loss in a training
 SHORTEST = 20  # gradient steps of which the rate has a course
@@ -88,7 +97,8 @@ def origins(segments: list[Segment], scale: np.ndarray) -> list[torch.Tensor]:
 
 
 def _origins(segment: Segment, scale: np.ndarray) -> tuple[np.ndarray, ...]:
-    samples, D = np.hstack([segment.chi, segment.zeta]) / scale, TAPS.delay
+    samples = np.hstack([segment.chi, segment.zeta]) / scale
+    D = TAPS.delay
     padded = np.concatenate([np.repeat(samples[:1], D - 1, axis=0), samples])
     seen = Features.of(np.moveaxis(sliding_window_view(padded, D, axis=0), -1, -2))
     squares = np.einsum("npi,npj->nij", seen.blocks, seen.blocks)[:, PAIRS[0], PAIRS[1]]
@@ -123,7 +133,9 @@ class LpvNetwork(nn.Module):
     def __init__(self, config: NeuralLpvConfig, seen: list[torch.Tensor]):
         super().__init__()
         planes, heave, products, climb, age, *_ = seen
-        self.scale, J, taps = np.repeat(config.units, 3), config.experts, len(TAPS.matrix)
+        self.scale = np.repeat(config.units, 3)
+        J = config.experts
+        taps = len(TAPS.matrix)
         mean = np.zeros((2 * BLOCKS, 2 * BLOCKS))
         mean[PAIRS] = products.mean(dim=(0, 1)).numpy()
         moving = planes.unflatten(-1, (taps, 4))[..., :3].flatten(-2)
@@ -140,7 +152,8 @@ class LpvNetwork(nn.Module):
         self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in itertools.pairwise(sizes))
         counts = torch.tensor([J + RATES, PLANE + DECAYING, 2])
         self.unit = torch.repeat_interleave(torch.tensor([1.0, INPUT, DRAG]), counts)
-        self.mean, self.spread = torch.zeros(read), torch.ones(read)
+        self.mean = torch.zeros(read)
+        self.spread = torch.ones(read)
         with torch.no_grad():
             last: Any = self.layers[-1]
             start = np.concatenate([TURNS, DAMPINGS, RATE, RATE])
@@ -151,7 +164,8 @@ class LpvNetwork(nn.Module):
             statistics = model.statistics(
                 planes, heave, energies(model.probes, products, climb), age, torch
             )
-        self.mean, self.spread = statistics.mean(dim=0), statistics.std(dim=0, correction=0) + 1e-3
+        self.mean = statistics.mean(dim=0)
+        self.spread = statistics.std(dim=0, correction=0) + 1e-3
 
     def model(self, step: float = 1.0) -> LpvModel:
         """Return the model of inputs as they are, of tensors."""
@@ -163,7 +177,8 @@ class LpvNetwork(nn.Module):
         weights, biases = ([getattr(x, of) for x in self.layers] for of in ("weight", "bias"))
         weights[0] = weights[0] / self.spread
         biases[0] = biases[0] - weights[0] @ self.mean
-        weights[-1], biases[-1] = self.unit[:, None] * weights[-1], self.unit * biases[-1]
+        weights[-1] = self.unit[:, None] * weights[-1]
+        biases[-1] = self.unit * biases[-1]
         probes = self.probes / self.probes.norm(dim=-1, keepdim=True) @ blocks.T
         return LpvModel(
             step,
@@ -189,7 +204,8 @@ class LpvNetwork(nn.Module):
         )
         A, B, C = model.matrices(theta, torch)
         A, B = A @ A, A @ B + B
-        z, found = torch.cat([states, zeta[:, 0, :3]], dim=1)[..., None], []
+        z = torch.cat([states, zeta[:, 0, :3]], dim=1)[..., None]
+        found = []
         drive = B @ zeta[:, 1:].unflatten(1, (STEPS, STRIDE)).mean(dim=2).mT
         for i in range(STEPS):
             found.append(z)
@@ -262,11 +278,13 @@ def train_neural_lpv(
         for optimiser in optimisers
     ]
     usual = torch.ones(len(segments), len(FINE))  # square error of each flight
-    losses, history = list[float](), list[float]()
+    losses = list[float]()
+    history = list[float]()
     for step in range(1, config.epochs + 1):
         rows = generator.integers(len(seen[0]), size=config.batch)
         batch = [of[rows] for of in seen]
-        errors, flight = network.errors(batch), batch[-1]
+        errors = network.errors(batch)
+        flight = batch[-1]
         size = (OWN * usual[flight] + FINE**2).sqrt()
         square = torch.stack([e.detach().square().mean(dim=(1, 2)) for e in errors], dim=1)
         count = torch.bincount(flight, minlength=len(usual))[:, None]

@@ -149,7 +149,8 @@ def _initial_weights(
     error is 0.8 of persistence's this way, and 8 times it from a plain random start.
     """
     eye = torch.eye(len(start), dtype=start.dtype)
-    signs, between = torch.cat([eye, -eye]), torch.eye(2 * len(start), dtype=start.dtype)
+    signs = torch.cat([eye, -eye])
+    between = torch.eye(2 * len(start), dtype=start.dtype)
     carriers = [signs @ start, *[between] * (len(sizes) - 3), signs.T]
     weights = []
     for (inputs, outputs), carrier in zip(itertools.pairwise(sizes), carriers, strict=True):
@@ -173,7 +174,8 @@ def foreseeing(past: np.ndarray, drive: np.ndarray, future: np.ndarray, count: i
         drive: (n, q) from now on.
         future: (n, r).
     """
-    X, p = np.hstack([past, drive]), past.shape[1]
+    X = np.hstack([past, drive])
+    p = past.shape[1]
     normal = X.T @ X / len(X)
     normal += NULL * np.diag(np.diag(normal)) + FLOOR * np.eye(len(normal))
     W = np.linalg.solve(normal, X.T @ future / len(X))[:p]
@@ -208,7 +210,8 @@ def global_fit(X: torch.Tensor, Y: torch.Tensor, ridge: float = NULL) -> torch.T
         Y: (..., q) targets.
         ridge: in units of the mean power [1].
     """
-    X, Y = X.reshape(-1, X.shape[-1]), Y.reshape(-1, Y.shape[-1])
+    X = X.reshape(-1, X.shape[-1])
+    Y = Y.reshape(-1, Y.shape[-1])
     normal = X.T @ X
     normal += (ridge * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=X.dtype)
     return torch.linalg.solve(normal, X.T @ Y)
@@ -256,11 +259,8 @@ class PaperConfig:
     layers: int = 2  # hidden layers, L [1]
     gamma: float = 1.0  # Lipschitz constant of Phi in scaled coordinates [1]
     window: int = 40  # samples of a window [1]
-    beta: tuple[float, float, float] = (
-        1.0,
-        1.0,
-        1.0,
-    )  # weights: forward, backward, reconstruction [1]
+    # weights: forward, backward, reconstruction [1]
+    beta: tuple[float, float, float] = 1.0, 1.0, 1.0
     mu: float = 0.999  # discount of a prediction step, forward and backward [1]
     # windows turned and mirrored, a horizontal force fades (in W, yaw near zero); else False
     symmetric: bool = True
@@ -276,8 +276,11 @@ class PaperTrainer:
     """Phi, C and their priors, with the windows that they are trained on."""
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
-        self.config, before = config, config.lags[-1]  # samples that Phi sees before a window
-        chi, zeta = [segment.chi for segment in segments], [segment.zeta for segment in segments]
+        # samples that Phi sees before a window
+        self.config = config
+        before = config.lags[-1]
+        chi = [segment.chi for segment in segments]
+        zeta = [segment.zeta for segment in segments]
         self.scale = np.concatenate([group_scale(of, centred=False) for of in (chi, zeta)])
         windows = _windows(segments, config) / self.scale
         lagged = [windows[:, before - lag : windows.shape[1] - lag] for lag in config.lags]
@@ -296,7 +299,9 @@ class PaperTrainer:
 
     def loss(self, rows: torch.Tensor) -> torch.Tensor:
         """Return beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of a batch of windows."""
-        z, zeta, (b1, b2, b3) = self.phi(self._samples[rows]), self._zeta[rows], self.config.beta
+        z = self.phi(self._samples[rows])
+        zeta = self._zeta[rows]
+        b1, b2, b3 = self.config.beta
         reconstruction = ((self.chi[rows] - z @ self.C.T) ** 2).mean()
         forward = rollout_error(z, zeta, self.forward_prior, self.config.mu, backward=False)
         backward = rollout_error(z, zeta, self.backward_prior, self.config.mu, backward=True)
@@ -339,7 +344,8 @@ class PaperTrainer:
 
 
 def _prior(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
-    fit, K = global_fit(X, Y), Y.shape[-1]
+    fit = global_fit(X, Y)
+    K = Y.shape[-1]
     return torch.cat([stable(fit[:K]), fit[K:]])
 
 
@@ -359,8 +365,10 @@ def rollout_error(
     A, B = window_fit(X, Y, prior, RIDGE)
     drive = X[..., z.shape[-1] :] @ B
     if backward:
-        z, drive = z.flip(1), drive.flip(1)
-    state, error = z[:, 0], torch.zeros((), dtype=z.dtype)
+        z = z.flip(1)
+        drive = drive.flip(1)
+    state = z[:, 0]
+    error = torch.zeros((), dtype=z.dtype)
     for j in range(drive.shape[1]):
         state = torch.baddbmm(drive[:, j, None], state[:, None], A)[:, 0]
         error = error + mu ** (j + 1) * ((state - z[:, j + 1]) ** 2).mean()
@@ -415,7 +423,9 @@ def _start(lagged: list[np.ndarray], count: int) -> np.ndarray:
     """Return orthonormal directions of the samples of windows (b, W, 12) at each lag that foresee
     most of the rest of the window, (count, inputs); all of them where there are fewer.
     """
-    past, now = np.concatenate([one[:, 0] for one in lagged], axis=-1), lagged[0]
-    drive, future = now[:, :-1, 6:], now[:, 1:, :6]
+    past = np.concatenate([one[:, 0] for one in lagged], axis=-1)
+    now = lagged[0]
+    drive = now[:, :-1, 6:]
+    future = now[:, 1:, :6]
     found = foreseeing(past, drive.reshape(len(now), -1), future.reshape(len(now), -1), count)
     return np.linalg.qr(found.T)[0].T

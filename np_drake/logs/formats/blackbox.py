@@ -72,7 +72,9 @@ FINE = 0.1  # of a gyro in high resolution [1]
 BODY = "body"
 FULL = 32767.0  # of a component of Betaflight's quaternion that is 1
 FORGETS = np.radians(20.0)  # turn between two rows that no vehicle makes; own choice
-QUATERNION, GYRO, ACCELEROMETER = indexed("quat", 4), indexed("gyro", 3), indexed("acc", 3)
+QUATERNION = indexed("quat", 4)
+GYRO = indexed("gyro", 3)
+ACCELEROMETER = indexed("acc", 3)
 VECTOR_PART = indexed("imuQuaternion", 3)
 TURNED = indexed("hoverAttitude", 4) + indexed("quat", 4)
 IMU = indexed("gyroADC", 3) + indexed("accSmooth", 3)
@@ -103,7 +105,8 @@ def default_map(contents: Contents) -> LogMap | None:
     scale = told.get("gyro_scale", 1.0) * (
         FINE if told.get("blackbox_high_resolution", 0) > 0 else 1.0
     )
-    driven, delay = motors(contents), _gyro_delay(told)
+    driven = motors(contents)
+    delay = _gyro_delay(told)
     quaternion = ([f"body/{n}" for n in QUATERNION], [f"main/{n}" for n in QUATERNION])
     rates = ([f"body/{n}" for n in GYRO], indexed("main/gyroADC", 3))
     forces = (
@@ -383,7 +386,8 @@ def _sessions(path: Path, content: bytes) -> tuple[list[_Session], list[str]]:
         f"{path}: must hold the header of a blackbox log ({MARK.decode()}); it has none. {REMEDY}.",
         LogError,
     )
-    found, bad = [], []
+    found = []
+    bad = []
     for number, (start, stop) in enumerate(
         zip(starts, [*starts[1:], len(content)], strict=True), start=1
     ):
@@ -602,7 +606,8 @@ def _decoded(
         needed, _ = of_the_body(session.columns[MAIN])
         names += [name for name in needed if name not in names]
     # Rows that the bytes can hold: at most eight fields share one byte.
-    span, written = session.stop - session.first, session.tables["encoding"] != NULL
+    span = session.stop - session.first
+    written = session.tables["encoding"] != NULL
     fewest = min(1 + int(written[row, : session.counts[row]].sum()) // 8 for row in (0, 1))
     out = np.empty((len(names) + 1, span // fewest + 1))
     told = read_frames(
@@ -619,7 +624,8 @@ def _decoded(
         np.array([session.names.index(name) for name in names], np.int64),
         out,
     )
-    t, values = out[0, : told[ROWS]] * 1e-6, dict(zip(names, out[1:, : told[ROWS]], strict=True))
+    t = out[0, : told[ROWS]] * 1e-6
+    values = dict(zip(names, out[1:, : told[ROWS]], strict=True))
     streams = {MAIN: Stream(t, {name: values[name] for name in wanted.get(MAIN, ())})}
     if BODY in wanted:
         found = body_values(values) if told[ROWS] else dict.fromkeys(wanted[BODY], np.empty(0))

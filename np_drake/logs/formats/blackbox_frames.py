@@ -12,8 +12,14 @@ import numpy as np
 
 from np_drake.compiled import compiled
 
-SIGNED_VB, UNSIGNED_VB, NEG_14BIT = 0, 1, 3
-TAG8_8SVB, TAG2_3S32, TAG8_4S16, NULL, TAG2_3SVARIABLE = 6, 7, 8, 9, 10
+SIGNED_VB = 0
+UNSIGNED_VB = 1
+NEG_14BIT = 3
+TAG8_8SVB = 6
+TAG2_3S32 = 7
+TAG8_4S16 = 8
+NULL = 9
+TAG2_3SVARIABLE = 10
 ENCODINGS = (0, 1, 3, 6, 7, 8, 9, 10)
 LONGEST = 5  # bytes of a number of 32 bits, 7 in each
 # Of three numbers in 1 to 3 bytes, by encoding and the two bits that tell: bytes, and of each
@@ -31,14 +37,20 @@ EVENT = 5
 KIND_OF = np.full(256, -1)  # by the letter of a frame; -1: no frame begins so
 KIND_OF[np.frombuffer(b"IPSGHE", np.uint8)] = range(6)
 PREVIOUS, STRAIGHT_LINE, AVERAGE_2, MIN_THROTTLE, MOTOR_0, INCREMENT = range(1, 7)
-STICK_CENTRE, BATTERY, MIN_MOTOR = 8, 9, 11
+STICK_CENTRE = 8
+BATTERY = 9
+MIN_MOTOR = 11
 PREDICTORS = 12  # of which some add a number that the header tells
 # Of two frames in turn; beyond, one of them is damaged. Source: the limits of Betaflight's viewer.
-LONGEST_TIME, MOST_ITERATIONS = 10_000_000, 5000  # [us, 1]
+# [us, 1]
+LONGEST_TIME = 10_000_000
+MOST_ITERATIONS = 5000
 # Numbers of an event: synchronous beep, resumed, disarmed, mode, failure of the IMU.
 NUMBERS = np.zeros(256, np.int64)
 NUMBERS[[0, 14, 15, 30, 40]] = 1, 2, 1, 2, 1
-ADJUSTMENT, RESUMED, END = 13, 14, 255
+ADJUSTMENT = 13
+RESUMED = 14
+END = 255
 END_TEXT = np.frombuffer(b"End of log", np.uint8)
 ROWS, DAMAGED, LEFT_OUT, ENDED = range(4)  # what is counted; whether the log has its end
 
@@ -134,7 +146,9 @@ def read_fields(data, at, stop, encodings, count, out):
     """
     i = 0
     while i < count:
-        encoding, last = encodings[i], i + 1  # the place behind the numbers that are read together
+        # the place behind the numbers that are read together
+        encoding = encodings[i]
+        last = i + 1
         if encoding == NULL:
             out[i] = 0
         elif at >= stop:
@@ -159,9 +173,11 @@ def read_fields(data, at, stop, encodings, count, out):
                     out[k], at = signed_number(data, at, stop)
                 tags >>= 1
         elif encoding == TAG8_4S16:
-            at, last = _four(data, at, stop, out, i, count), i + 4
+            at = _four(data, at, stop, out, i, count)
+            last = i + 4
         else:
-            at, last = _three(data, at, stop, encoding, out, i, count), i + 3
+            at = _three(data, at, stop, encoding, out, i, count)
+            last = i + 3
         i = last
     return at
 
@@ -173,7 +189,8 @@ def _event(data, at, stop):
         return stop + 1, 0, 0, 0
     kind = byte_at(data, at)
     at += 1
-    first, second = 0, 0
+    first = 0
+    second = 0
     if kind == END:
         behind = at + len(END_TEXT)
         whole = behind <= stop and np.array_equal(data[at:behind], END_TEXT)
@@ -251,10 +268,15 @@ def read_frames(
     iteration_at, time_at, motor0 = places
     told = np.zeros(4, np.int64)
     width = encodings.shape[1]
-    fields, before = np.zeros(width, np.int64), np.zeros(width, np.int64)
+    fields = np.zeros(width, np.int64)
+    before = np.zeros(width, np.int64)
     earlier = np.zeros(width, np.int64)
-    known, lost = False, False  # whether predictions, and the place, are known
-    iteration, time, offset = -1, -1, 0
+    # whether predictions, and the place, are known
+    known = False
+    lost = False
+    iteration = -1
+    time = -1
+    offset = 0
     while at < stop:
         start = at
         kind = KIND_OF[data[at]]
@@ -266,7 +288,8 @@ def read_frames(
                 return told
             good = at <= stop and (at == stop or KIND_OF[data[at]] >= 0) and not lost
             if good and event == RESUMED:
-                iteration, time = first, second
+                iteration = first
+                time = second
                 known = False
         elif kind >= 0 and counts[kind]:
             at = read_fields(data, start + 1, stop, encodings[kind], counts[kind], fields)
@@ -303,10 +326,12 @@ def read_frames(
                     for k in range(len(wanted)):
                         out[k + 1, told[ROWS]] = fields[wanted[k]]
                     told[ROWS] += 1
-                    known, lost = True, False
+                    known = True
+                    lost = False
         if not good:
             told[DAMAGED] += not lost
-            known, lost = False, True
+            known = False
+            lost = True
             at = start + 1
     told[DAMAGED] -= lost  # it is cut there
     return told

@@ -104,7 +104,9 @@ def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     version, events, start = _header(path, content)
     starts: dict[int, list[int]] = {key: [] for key in events}
     sizes = {key: record.itemsize for key, (_, _, record) in events.items()}
-    end, at, key = start, start, 0
+    end = start
+    at = start
+    key = 0
     while at + 2 <= len(content):
         key = content[at] | content[at + 1] << 8
         at += sizes.get(key, len(content))
@@ -262,7 +264,8 @@ def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     ticks = rows[variables[0][0]].astype(np.uint32)
     steps = 1e-6 * np.diff(ticks, prepend=ticks[:1]).astype(float)
     if len(odd := np.flatnonzero(steps > LONGEST_PAUSE)):
-        rows, steps = rows[: odd[0]], steps[: odd[0]]
+        rows = rows[: odd[0]]
+        steps = steps[: odd[0]]
         notes += (f"row {odd[0] + 1}: the time is damaged; what follows is left out.",)
     t = 1e-6 * float(ticks[0]) + np.cumsum(steps)
     names = wanted.get(TABLE, ())
@@ -278,7 +281,8 @@ def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
 
 def _variables(path: Path, content: bytes) -> tuple[list[tuple[str, str]], int]:
     """Return name and NumPy type of every variable of a log in blocks, and where these begin."""
-    found, at = [], 1
+    found = []
+    at = 1
     try:
         for _ in range(content[0]):
             end = content.index(b",", at)
@@ -326,7 +330,8 @@ def default_map(contents: Contents) -> LogMap | None:
             contents, ([f"{stream}/{name}" for name in names] for stream in contents), **how
         )
 
-    estimate, compressed = "stateEstimate.", "stateEstimateZ."
+    estimate = "stateEstimate."
+    compressed = "stateEstimateZ."
     found = LogMap(
         format="crazyflie",
         position=source(*_xyz(estimate), unit="m") or source(*_xyz(compressed), unit="mm"),

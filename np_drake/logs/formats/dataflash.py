@@ -177,9 +177,8 @@ PARAMETERS = re.compile(
     r"|SCHED_LOOP_RATE|Q_ENABLE"
 )
 PRIMARY = "primary"  # in place of an instance
-LANES = {
-    name: f"{kind}4" for kind in ("XKF", "NKF") for name in (f"{kind}1", f"{kind[:2]}Q")
-}  # messages with the lane
+# messages with the lane
+LANES = {name: f"{kind}4" for kind in ("XKF", "NKF") for name in (f"{kind}1", f"{kind[:2]}Q")}
 
 
 SUBSYSTEMS = (  # of ERR, from 1. Source: ArduPilot, LogErrorSubsystem

@@ -104,11 +104,9 @@ class Scanned(dict[str, tuple[str, ...]]):
         super().__init__(streams)
         self.other = other
         self.cut = cut
-        self.parameters, self.rates, self.values_of = (
-            dict(parameters or {}),
-            dict(rates or {}),
-            dict(values or {}),
-        )
+        self.parameters = dict(parameters or {})
+        self.rates = dict(rates or {})
+        self.values_of = dict(values or {})
 
 
 @dc.dataclass(frozen=True)

@@ -77,7 +77,9 @@ def read(path: str | Path) -> list[FlightLog]:
             log.notes += [f"{DROPOUTS}: {gone.sum()} rows filled in"] * bool(gone.any())
         log.bridged = bridged if bridged.any() else None
         log.notes[:0] = [*split, *sheet.said]
-        log.timing, log.layout, log.start = sheet.timing, sheet.rotors, sheet.start
+        log.timing = sheet.timing
+        log.layout = sheet.rotors
+        log.start = sheet.start
         columns_of_rotors = next((columns.COLUMNS[name] for name in ROTORS if name in fields), ())
         log.motors = sheet.motors or tuple(f"column {name}" for name in columns_of_rotors)
         known = inputs_of(log)

@@ -181,9 +181,8 @@ STEP = 0.0025  # of the flights [s]
 MASS = 0.752  # with which the paper's arrays were made [kg]
 SUBTRACTED = np.array([0.0, 0.0, 9.8])  # from the specific force, in body axes [m/s²]
 TRAINING = "merged_2021-02-03-13-44-49_seg_3"  # of the paper's estimation table: a wobbly circle
-TRAINING_START = (
-    500  # row of the flight's CSV at which the training array begins (NPU-RCIR/Neural-Predictor)
-)
+# row of the flight's CSV at which the training array begins (NPU-RCIR/Neural-Predictor)
+TRAINING_START = 500
 RACE_TRACK = "merged_2021-02-18-17-19-08_seg_2"  # race track 1 of the paper
 TESTS = {  # file stem: the paper's name of the flight. Source: Wang et al. 2024, its evaluation
     "merged_2021-02-18-13-44-23_seg_2": "3D circle 1",
@@ -233,7 +232,8 @@ def read_training(folder: Path) -> WrenchSequence:
     if path is None:
         return read_wrenches(folder / "npy" / f"{TRAINING}.npy")
     whole = read_wrenches(path)
-    whole.chi, whole.zeta = whole.chi[TRAINING_START:], whole.zeta[TRAINING_START:]
+    whole.chi = whole.chi[TRAINING_START:]
+    whole.zeta = whole.zeta[TRAINING_START:]
     return whole
 
 
@@ -258,7 +258,8 @@ def _from_csv(path: str | Path) -> np.ndarray:
     """Return v, omega, f = m (specific force - g e_z), tau = J al + w x J w of a CSV, as the
     paper's arrays have it.
     """
-    (log,), J = read(path), published_vehicle().J
+    (log,) = read(path)
+    J = published_vehicle().J
     require(
         len(log) >= 2 and np.abs(np.diff(log.t) - STEP).max() <= 0.01 * STEP,
         f"{path}: must have a row every {1e3 * STEP:g} ms, without gaps.",

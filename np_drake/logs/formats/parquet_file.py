@@ -121,7 +121,8 @@ def _columns(pyarrow: Any, file: Any, names: Sequence[str]) -> dict[str, np.ndar
     table = file.read(columns=list(names))
     found = {}
     for name in names:
-        column, factor = table.column(name), 1.0
+        column = table.column(name)
+        factor = 1.0
         if _is(pyarrow, column.type, "timestamp", "duration"):
             factor = UNITS["time"][column.type.unit]
             column = column.cast(pyarrow.int64())

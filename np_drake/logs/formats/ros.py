@@ -33,7 +33,10 @@ from np_drake.logs.formats.format import Contents, Format, Progress, Recording, 
 from np_drake.logs.formats.text_table import too_many_cells
 from np_drake.logs.importing.log_map import LogMap, Source
 
-MCAP, ROS1, SQLITE = b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3\0"  # first bytes of a file
+# first bytes of a file
+MCAP = b"\x89MCAP0\r\n"
+ROS1 = b"#ROSBAG V"
+SQLITE = b"SQLite format 3\0"
 JOURNALS = ("-wal", "-journal")  # endings of what SQLite keeps beside a database that is open
 ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of a message that is compressed by itself
 FILES = (".mcap", ".db3", ".zstd")  # suffixes in the folder of a bag
@@ -243,7 +246,8 @@ def _find_topics(bag: _Bag) -> None:
 
     known: dict[Any, Any] = {}  # stores of types by definition
     for storage, connection in [(s, c) for s in bag.storages for c in s.connections]:
-        kind, definition = connection.msgtype, connection.msgdef
+        kind = connection.msgtype
+        definition = connection.msgdef
         if definition not in known:
             require(
                 sum(len(other.data) for other in known) + len(definition.data) <= MOST_TEXT,
@@ -425,7 +429,8 @@ def _times(
         if len(stamps)
     }
     apart = bool(delays) and max(delays.values()) - min(delays.values()) > SAME_CLOCK
-    chosen, notes = {}, []
+    chosen = {}
+    notes = []
     for name, (received, stamps) in clocks.items():
         stamped = len(stamps) > 0 and stamps.all() and not apart
         chosen[name] = stamps if stamped else received

@@ -113,7 +113,8 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     time = next((name for name in TIMES if name in known), None)
     needed = list(dict.fromkeys([*names, *([time] if time else [])])) or list(known[:1])
     if is_parquet(path):
-        columns, notes = parquet_file.read_columns(path, needed), list[str]()
+        columns = parquet_file.read_columns(path, needed)
+        notes = list[str]()
         units = stated_units(known)
         progress(1.0)
     else:

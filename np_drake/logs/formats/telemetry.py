@@ -41,9 +41,14 @@ STAMP = 8  # bytes of a time of receipt
 HEADS = {0xFE: 6, 0xFD: 10}  # bytes before the payload, by the first byte: version 1 and 2
 FIRST_BYTES = re.compile(b"[\xfd\xfe]")
 SIGNATURE = 13  # bytes of one
-SINCE, UNTIL = 946_684_800e6, 4_102_444_800e6  # of a time of receipt: 2000 to 2100 [us]
+# of a time of receipt: 2000 to 2100 [us]
+SINCE = 946_684_800e6
+UNTIL = 4_102_444_800e6
 STATE = (30, 31, 32, 33)  # ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED, GLOBAL_POSITION_INT
-PARAMETER, HEARTBEAT, TEXT, VIBRATION = 22, 0, 253, 241
+PARAMETER = 22
+HEARTBEAT = 0
+TEXT = 253
+VIBRATION = 241
 VIBRATIONS = [f"vibration_{a}" for a in "xyz"] + [f"clipping_{i}" for i in range(3)]
 INTEGER = 6  # MAV_PARAM_TYPE_INT32, which PX4 writes into the bits of a float
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}  # MAV_AUTOPILOT
@@ -66,7 +71,9 @@ class _Log:
         optional_package("pymavlink", path, NEEDS)
         from pymavlink.dialects.v20 import ardupilotmega
 
-        self.library, self.data, self.lost = ardupilotmega, path.read_bytes(), 0
+        self.library = ardupilotmega
+        self.data = path.read_bytes()
+        self.lost = 0
         self._decoder = ardupilotmega.MAVLink(None)
         places: dict[tuple[int, int], dict[int, list[int]]] = {}
         at = end = 0
@@ -233,7 +240,8 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         stamps, rows = log.rows(log.names[base], [*columns, *timed[:1], *numbered])
         if instance:
             chosen = rows[:, -1] == float(instance)
-            stamps, rows = stamps[chosen], rows[chosen]
+            stamps = stamps[chosen]
+            rows = rows[chosen]
         since = rows[:, len(columns)] * CLOCKS[timed[0]] if timed else np.full(len(stamps), np.nan)
         streams[name] = Stream(clock.of(stamps, since), dict(zip(columns, rows.T, strict=False)))
         progress(i / len(wanted))
@@ -263,7 +271,8 @@ def motors(contents: Contents) -> Motors:
         f"{stream}/{column}" for stream, columns in contents.items() for column in columns
     ):
         if output := OUTPUTS.fullmatch(name):
-            port, number = int(output[1]), int(output[2])
+            port = int(output[1])
+            number = int(output[2])
             px4 = f"actuator_outputs{f'.{port}' * (port > 0)}/output[{number - 1}]"
             names[f"RCOU/C{16 * port + number}" if ardupilot else px4] = name
         elif speed := SPEEDS.fullmatch(name):
@@ -285,13 +294,15 @@ def default_map(contents: Contents) -> LogMap | None:
     Raises: ValueError: as `motors`, or if no output moves.
     """
     first = partial(first_source, contents)
-    quaternion, angles = [f"ATTITUDE_QUATERNION/q{i}" for i in "1234"], ("roll", "pitch", "yaw")
+    quaternion = [f"ATTITUDE_QUATERNION/q{i}" for i in "1234"]
+    angles = ("roll", "pitch", "yaw")
     speeds = [[f"{m}/{a}speed" for a in angles] for m in ("ATTITUDE_QUATERNION", "ATTITUDE")]
     gyro, force = (
         [[f"{m}/{a}{kind}" for a in "xyz"] for m in ("HIGHRES_IMU.0", "HIGHRES_IMU")]
         for kind in ("gyro", "acc")
     )
-    local, world = "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT"
+    local = "LOCAL_POSITION_NED"
+    world = "GLOBAL_POSITION_INT"
     driven = motors(contents)
     found = LogMap(
         format="tlog",

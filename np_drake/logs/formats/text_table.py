@@ -40,7 +40,9 @@ from np_drake.logs.importing.log_map import UNITS
 MAX_LINE = 10**6  # characters of a line; 10,000 columns of 17 digits have a fifth
 MAX_COLUMNS = 10_000
 MAX_FAULTS = 10**5  # that are kept; the first is named in a message
-BLOCK_ROWS, BLOCK_CELLS = 4096, 1 << 18  # that are held as text at once, at most
+# that are held as text at once, at most
+BLOCK_ROWS = 4096
+BLOCK_CELLS = 1 << 18
 BAD_GZIP = (gzip.BadGzipFile, EOFError, zlib.error)  # what a damaged file raises
 LINES_A_REPORT = 4096  # lines between two calls of progress
 LOOKED_AT = 1 << 16  # bytes by which the encoding is recognised
@@ -152,7 +154,8 @@ def read_lines(
     Raises: LogError: if the file is no such text or beyond the limits; OSError: if it cannot be
         opened.
     """
-    size, left = max(Path(path).stat().st_size, 1), text_budget(path)
+    size = max(Path(path).stat().st_size, 1)
+    left = text_budget(path)
     note_input(path)
     with Path(path).open("rb") as raw:
         try:
@@ -285,9 +288,11 @@ def read_layout(path: Path) -> Layout:
     with path.open("rb") as file:
         encoding = encoding_of(decompressed_start(file.read(LOOKED_AT)))
     with contextlib.closing(read_lines(path, errors="replace", encoding=encoding)) as lines:
-        header, head = next(lines, ""), 1
+        header = next(lines, "")
+        head = 1
         if told := SEPARATOR.fullmatch(header):
-            header, head = next(lines, ""), 2
+            header = next(lines, "")
+            head = 2
         require(
             header.strip(),
             f"{path}: must hold a header line and rows; its first line is empty.",
@@ -326,7 +331,8 @@ def _rows(
     blank: whether blank lines between rows are rows without cells.
     Raises: LogError: at a quote that is not closed.
     """
-    reader, skipped = csv.reader(lines, delimiter=delimiter), 0
+    reader = csv.reader(lines, delimiter=delimiter)
+    skipped = 0
     try:
         for cells in reader:
             if len(cells) < 2 and not "".join(cells).strip():
@@ -462,7 +468,8 @@ def _refused(path: Path, fault: Fault, width: int) -> LogError:
             f"{where}: must have {width} cells as the header does; got {fault.count}. Export it "
             f"again."
         )
-    text, size = fault.text, fault.cell.size
+    text = fault.text
+    size = fault.cell.size
     shown = " ".join(text.split())[:40]
     if size is not None:
         said = f"must be a list of {size} numbers as in the first row; got {shown!r}."

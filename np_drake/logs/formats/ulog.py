@@ -61,10 +61,8 @@ AIRFRAMES = {
     **dict.fromkeys((10, 11, 12), "a helicopter"),
 }
 DSHOT_TIMERS = range(-5, -1)  # PWM_MAIN_TIMn of DShot 150 to 1200
-ENDS = {
-    "UAVCAN_EC": (0.0, 8191.0),
-    "SIM_GZ_EC": (0.0, 1000.0),
-}  # of outputs whose parameters do not say
+# of outputs whose parameters do not say
+ENDS = {"UAVCAN_EC": (0.0, 8191.0), "SIM_GZ_EC": (0.0, 1000.0)}
 Parameters = Mapping[str, float]
 
 
@@ -314,7 +312,9 @@ STATUS: dict[str, dict[int, str] | str] = {  # what a status says by its value, 
     "estimator_status/filter_fault_flags": "the estimator fails",
     **{f"esc_status/esc[{i}].failures": f"the ESC of motor {i + 1} fails" for i in range(8)},
 }  # Source: PX4's message reference
-COUNTERS, FLAGS = "vehicle_imu_status", "accelerometer_clipping"  # of samples that clip
+# of samples that clip
+COUNTERS = "vehicle_imu_status"
+FLAGS = "accelerometer_clipping"
 MOST_VIBRATION = 9.81  # of accel_vibration_metric [m/s²]. Source: PX4 Flight Review, its red zone
 VALID = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")  # of a local position
 RESETS = "_reset_counter"  # end of the names of its counters
@@ -331,8 +331,10 @@ class _Bounded(io.BufferedReader):
 
     def __init__(self, path: Path, progress: Progress) -> None:
         super().__init__(io.FileIO(path))
-        self._size, self._progress = max(path.stat().st_size, 1), progress
-        self._left, self._calls = 100 * self._size + (16 << 20), 0
+        self._size = max(path.stat().st_size, 1)
+        self._progress = progress
+        self._left = 100 * self._size + (16 << 20)
+        self._calls = 0
 
     def read(self, size: int | None = -1, /) -> bytes:
         """Read bytes; ValueError where far more was read than a file of this size takes."""
@@ -561,10 +563,14 @@ def _shaken(log: Any) -> tuple[tuple[int, ...], list[str], list[str]]:
     """Return the axes along which the accelerometer clips, by the flags and counters of the log,
     notes on these, and lines on vibration.
     """
-    shares, notes, said = np.zeros(3), [], list[str]()
+    shares = np.zeros(3)
+    notes = []
+    said = list[str]()
     for data in log.data_list:
-        values, seconds = data.data, float(np.ptp(data.data["timestamp"])) / 1e6
-        counts, most = np.zeros(3), COUNTED * seconds
+        values = data.data
+        seconds = float(np.ptp(data.data["timestamp"])) / 1e6
+        counts = np.zeros(3)
+        most = COUNTED * seconds
         if FLAGS in values:
             counts = np.sum(values[FLAGS].astype(int)[:, None] >> np.arange(3) & 1, axis=0)
             most = len(values[FLAGS])
@@ -731,7 +737,8 @@ def _default_map(contents: Contents) -> LogMap | None:
     )
     if not found.tells_motion:
         return None
-    values, driven = getattr(contents, "values_of", {}), found.throttle or found.rotor_speed
+    values = getattr(contents, "values_of", {})
+    driven = found.throttle or found.rotor_speed
     still = [name for name in contents if values.get(f"{name}/{MOVES}", 1.0) == 0]
     require(
         "actuator_motors" not in still and (driven or not still),

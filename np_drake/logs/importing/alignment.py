@@ -19,9 +19,8 @@ COMMANDS = ("thrust", "torque", "throttle")
 POSE = ("position", "velocity", "attitude")  # of one instrument, as motion capture
 # gap of a pose that gyro and accelerometer bridge [s]; own choice: 0.01 rad of tilt are 5 cm then
 LONGEST_BRIDGE = 1.0
-SMOOTH = (
-    0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
-)
+# window in which a position is differentiated where there is no velocity [s]; own choice
+SMOOTH = 0.1
 USUAL = 99.0  # percentile of the changes of slope that a line still bridges [1]; own choice
 
 G = np.array([0.0, 0.0, GRAVITY])
@@ -57,8 +56,11 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     notes: list[str] = []
     t, width = _rows(signals, log_map, path)
     x = in_frames(signals, log_map, notes)
-    q, rates = x["attitude"], x["rates"]
-    p, v, a = x["position"], x["velocity"], x.get("acceleration")
+    q = x["attitude"]
+    rates = x["rates"]
+    p = x["position"]
+    v = x["velocity"]
+    a = x.get("acceleration")
     inertial = a is not None and "rates" in signals
     out = {"attitude": q.turned(rates, t), "rates": rates.averaged(t, width)}
     out["velocity"] = v.linear(t)
@@ -214,7 +216,8 @@ def _differentiated(p: Signal, notes: list[str]) -> Signal:
     notes.append(f"velocity: none in the log; position differentiated over {SMOOTH} s")
     length = max(5, 2 * round(0.5 * SMOOTH / p.step) + 1)
     edges = np.flatnonzero(np.diff(p.t) > GAP * p.step) + 1
-    times, slopes = [], []
+    times = []
+    slopes = []
     for piece in np.split(p.t, edges):
         t = piece[0] + p.step * np.arange(int((piece[-1] - piece[0]) / p.step + 1e-6) + 1)
         if len(t) > length:
@@ -265,7 +268,9 @@ def with_whole_motion(
     position it is the integral of the velocity, from the origin; without both, velocity is that of
     the acceleration, from rest. A velocity that a position tells is left to `align`.
     """
-    found, lacks, notes = dict(signals), [], []
+    found = dict(signals)
+    lacks = []
+    notes = []
     if "attitude" not in found:
         left = [name for name in LACKS if found.pop(name, None) is not None]
         found["attitude"] = _levelled(found, log_map)
@@ -305,7 +310,8 @@ def _levelled(signals: Signals, log_map: LogMap) -> Signal:
     which is taken out. Nothing is said of yaw. Source: complementary filter, run in both
     directions.
     """
-    own, force = signals["rates"], signals["acceleration"]
+    own = signals["rates"]
+    force = signals["acceleration"]
     rates = Signal(own.t, convert_quantity("rates", own.values, log_map))
     at = own.t if own.step * FASTER > FINEST else np.arange(own.t[0], own.t[-1], FINEST)
     carried = Signal(

@@ -62,8 +62,10 @@ def without_frozen_poses(
     """
     if not {"attitude", "rates"} <= signals.keys():
         return signals, [], []
-    logged, x = signals["attitude"], in_frames(signals, log_map, [])
-    t, turned = logged.t, x["rates"].integral(logged.t)
+    logged = signals["attitude"]
+    x = in_frames(signals, log_map, [])
+    t = logged.t
+    turned = x["rates"].integral(logged.t)
     interval = np.diff(t)[:, None]
     missed = np.diff(turned, axis=0) / interval - x["attitude"].rate.values
     bias = np.median(missed, axis=0)
@@ -85,10 +87,12 @@ def without_frozen_poses(
     gone = (frozen[pose] & ~new) | np.append(False, frozen[:-1])[pose]
     if not gone.any():
         return signals, [], []
-    out, after = dict(signals), np.append(t, np.inf)
+    out = dict(signals)
+    after = np.append(t, np.inf)
     spans = [Break(float(t[a - 1]), float(after[b]), FROZEN) for a, b in stretches(gone).tolist()]
     for name in (n for n in POSE if n in signals):
-        own, kept = signals[name], np.ones(len(signals[name].t), bool)
+        own = signals[name]
+        kept = np.ones(len(signals[name].t), bool)
         for span in spans:
             inside = (own.t > span.before) & (own.t < span.after)
             repeats = np.all(np.diff(own.values[inside], axis=0) == 0, axis=1)
@@ -118,7 +122,8 @@ def find_breaks(
     """
     longest = LONGEST_BRIDGE if "acceleration" in signals else 0.0
     bridged = [b for b in frozen if b.after - b.before <= longest]
-    found, seen = [*known, *(b for b in frozen if b not in bridged)], list[Break]()
+    found = [*known, *(b for b in frozen if b not in bridged)]
+    seen = list[Break]()
     place = next(
         signals[name] for name in ("position", "velocity", "acceleration") if name in signals
     )
@@ -194,7 +199,8 @@ def _jumps(
     """Return where changes (n - 1, 3) between samples at t (n,) are out of all proportion to those
     around them.
     """
-    size, count = np.linalg.norm(change, axis=1), len(change)
+    size = np.linalg.norm(change, axis=1)
+    count = len(change)
     if count < 4 * AROUND:
         return []
     found = []
@@ -282,7 +288,8 @@ def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
     """
     found = []
     for stream in (s for s in recording.streams.values() if len(s) > 4 * DENSE and s.columns):
-        t, interval = stream.t, np.diff(stream.t)
+        t = stream.t
+        interval = np.diff(stream.t)
         mean = np.convolve(interval, np.ones(DENSE) / DENSE, mode="same")
         usual = float(np.percentile(mean, SPARSE))
         for start, stop in stretches((mean < CLOSER * usual) & np.all(interval >= 0)):
@@ -296,7 +303,8 @@ def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
                 if np.ptp(x) > 0
             ]
             if two_over_one and np.median(two_over_one) < ALTERNATE:
-                before, after = max(close[0] - 1, 0), min(close[-1] + 2, len(t) - 1)
+                before = max(close[0] - 1, 0)
+                after = min(close[-1] + 2, len(t) - 1)
                 said = "the clock is set back, and rows of two times stand side by side"
                 found.append(Break(float(t[before]), float(t[after]), said))
     streams = dict(recording.streams)

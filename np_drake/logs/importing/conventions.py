@@ -41,7 +41,9 @@ from np_drake.logs.importing.log_map import (
 from np_drake.logs.importing.signals import Signals, clock_of
 
 DOUBTED = 0.15  # misfit above which a part of a log may be disturbed [1]; own choice
-SHORTEST, LONGEST = 1e-4, 0.2  # interval of a state in a flight log [s]; own choice
+# interval of a state in a flight log [s]; own choice
+SHORTEST = 1e-4
+LONGEST = 0.2
 # log likelihood ratio from which a turn is preferred to another [nat]; own choice: 1 in 22,000
 SURE = 10.0
 SEARCHED = 2000  # rows on which other conventions are tried; own choice
@@ -49,9 +51,8 @@ LEAST_SECONDS = 1.0  # of a log whose unit of time is found by its rate alone [s
 UPS = ("enu", "ned", "eus", "edn", "uen", "dne")  # worlds; turned about the vertical, none differ
 TURNED = {*UPS[2:], *BODIES[2:]}  # frames that are no habit: changed with one other option at most
 
-Change = tuple[
-    tuple[str, Any], ...
-]  # options of the map, dotted, and their values: one other convention
+# options of the map, dotted, and their values: one other convention
+Change = tuple[tuple[str, Any], ...]
 
 
 class WrongConventions(LogError):
@@ -155,12 +156,14 @@ def turned_attitude(
     moves = (moves - moves.mean(axis=0)) / np.maximum(moves.std(axis=0), 1e-9)
     correlation = moves[:, :3].T @ moves[:, 3:] / len(moves)
     declared = log_map.frames(log_map.attitude)[1]
-    back, count = axes_of_word(declared).T, (t[-1] - t[0]) / WINDOW
+    back = axes_of_word(declared).T
+    count = (t[-1] - t[0]) / WINDOW
     found = {word: np.diag(axes_of_word(word) @ back @ correlation) for word in BODIES}
     left = {word: np.maximum(1 - np.maximum(r, 0.0) ** 2, 1e-9) for word, r in found.items()}
     score = {word: float(-0.5 * count * np.log(rest).sum()) for word, rest in left.items()}
     ranked = sorted(BODIES, key=lambda word: -score[word])
-    best, own = found[ranked[0]], found[declared]
+    best = found[ranked[0]]
+    own = found[declared]
     likely = [word for word in ranked if score[ranked[0]] - score[word] < SURE]
     # About no axis do they move against each other: another convention would be wrong, too.
     if declared in likely or best.min() < -2 / np.sqrt(count):
@@ -185,7 +188,8 @@ class Trial:
     """
 
     def __init__(self, t: np.ndarray, raw: Values):
-        self._over, self._raw = Windows(t, WINDOW), raw
+        self._over = Windows(t, WINDOW)
+        self._raw = raw
         self._misfits: dict[Any, Misfits] = {}
 
     def misfits(self, log_map: LogMap) -> Misfits:
@@ -233,7 +237,8 @@ def require_a_likely_clock(signals: Signals, log_map: LogMap, path: str) -> None
     Raises: WrongConventions: with the unit of time that gives such a rate, if the log would then be
         long enough to be a flight; LogError: else.
     """
-    clock, declared = clock_of(signals), UNITS["time"][log_map.time.unit or "s"]
+    clock = clock_of(signals)
+    declared = UNITS["time"][log_map.time.unit or "s"]
     if SHORTEST <= clock.step <= LONGEST:
         return
     for unit, factor in sorted(UNITS["time"].items(), key=lambda u: abs(np.log(u[1] / declared))):
@@ -274,7 +279,8 @@ def _explained(change: Change, log_map: LogMap) -> str:
     """Return a change as it stands in a map, and by which turn the attitude then differs from what
     was declared.
     """
-    body, text = dict(change).get("attitude.body"), as_text(change)
+    body = dict(change).get("attitude.body")
+    text = as_text(change)
     if body is None:
         return text
     turn = scipy.spatial.transform.Rotation.from_matrix(
@@ -315,7 +321,9 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
         own = (source.kind or "specific_force", axes)
         kinds = itertools.product(("specific_force", "acceleration"), ("body", "world"))
         yield from ({"kind": kind, "axes": a} for kind, a in kinds if (kind, a) != own)
-    turns, euler, vector = name == "attitude", len(source.columns) == 3, name in VECTORS
+    turns = name == "attitude"
+    euler = len(source.columns) == 3
+    vector = name in VECTORS
     pairs = (  # option, its two words, that of the map, and whether this quantity has it
         ("unit", ("deg", "rad"), source.unit, turns and euler),
         ("order", ORDERS, source.order, turns and not euler),
@@ -334,10 +342,8 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
         yield from ({"signs": (signs * (1 - 2 * axis)).tolist()} for axis in np.eye(3, dtype=int))
 
 
-HANDED = (
-    "attitude",
-    "rates",
-)  # three columns of which a log may turn one, as pitch against a right-handed y
+# three columns of which a log may turn one, as pitch against a right-handed y
+HANDED = "attitude", "rates"
 VECTORS = ("position", "velocity", "rates", "acceleration")
 _UNITS: Mapping[str, tuple[str, ...]] = {
     "position": ("m", "cm", "mm"),
@@ -388,7 +394,8 @@ def fitting_stretch(
     whole = after == len(good)
     if not verdict.failed and (first > 0 or whole or good[after:].any()):
         return None
-    start, stop = t[starts[first]], t[-1] if whole else t[starts[after - 1] + rows - 1] - WINDOW
+    start = t[starts[first]]
+    stop = t[-1] if whole else t[starts[after - 1] + rows - 1] - WINDOW
     return (float(start), float(stop)) if stop - start >= SHORTEST_STRETCH else None
 
 

@@ -105,9 +105,8 @@ Parts = tuple[LogMap, list[Part], list[str]]  # map, what was made of every part
 SHORTEST_PULSE = 800.0
 MOST_COUNTS = 2047.0  # of 11 bits, as DShot sends them; of these 48 to 2047 are throttle
 FEW = 0.01  # share of samples outside that are glitches [1]; own choice
-SURE = (
-    10.0  # log likelihood ratio from which the lift tells the unit [nat]; own choice: 1 in 22,000
-)
+# log likelihood ratio from which the lift tells the unit [nat]; own choice: 1 in 22,000
+SURE = 10.0
 READ = {"us": "pulses of 1000 to 2000 us", "dshot": "DShot counts of 0 to 2000"}
 
 
@@ -177,7 +176,8 @@ def _by_the_lift(flown: Mapping[str, Sequence[FlightLog]]) -> tuple[str, str]:
     Full throttle gives no more than `STRONGEST` times the weight, and the lift goes with a power of
     the throttle.
     """
-    able, said = {}, []
+    able = {}
+    said = []
     for unit, flights in flown.items():
         try:
             exponent, strength, loss = lift_fit(flights)
@@ -253,7 +253,8 @@ def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
 def _conventions_text(verdict: Verdict) -> str:
     if not verdict.misfits:
         return "not checked: no flight, too short, or no two quantities that can be compared"
-    count, wrong = len(verdict.misfits), failing(verdict.misfits)
+    count = len(verdict.misfits)
+    wrong = failing(verdict.misfits)
     worst = max(verdict.misfits, key=lambda law: verdict.misfits[law])
     text = (
         f"agree with the log in {count} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
@@ -354,7 +355,9 @@ def import_log(
     layout = motors.layout or beside.rotors
     for number, flight in enumerate(flights, start=1):
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
-        flight.timing, flight.layout, flight.motors = timing, layout, names
+        flight.timing = timing
+        flight.layout = layout
+        flight.motors = names
         flight.start += beside.start
     end = flights[-1].start + flights[-1].t[-1]
     other = getattr(contents, "other", "")
@@ -416,7 +419,8 @@ def _map_for(
         "(--map FILE) reads it all the same.",
         LogError,
     )
-    own, motors = None, Motors()
+    own = None
+    motors = Motors()
     whole = isinstance(log_map, MapFile) and "position" in log_map.named
     try:
         if given is None or (isinstance(log_map, MapFile) and not (other and whole)):

@@ -82,11 +82,7 @@ LEAST = {
     "attitude": 0.08,  # [rad]
     "lift": 0.5,  # [m/s²]
 }
-KINEMATIC = (
-    "position",
-    "attitude",
-    "velocity",
-)  # laws that tie a quantity to its rate, axis by axis
+KINEMATIC = "position", "attitude", "velocity"  # laws that tie a quantity to its rate, axis by axis
 Misfits = dict[str, float]
 
 
@@ -161,7 +157,8 @@ def _attitude(over: Windows, everything: bool, q: np.ndarray, w: np.ndarray) -> 
 
 
 def _velocity(over: Windows, everything: bool, v: np.ndarray, a: np.ndarray) -> Misfits:
-    dv, sum_ = over.change(v), over.integral(a)
+    dv = over.change(v)
+    sum_ = over.integral(a)
     return _compared("velocity", dv, sum_, everything) | {
         "gravity": float(np.linalg.norm(np.mean(sum_ - dv, axis=0)) / over.spans[0] / GRAVITY)
     }
@@ -203,7 +200,8 @@ def _lift(over: Windows, everything: bool, v: np.ndarray, q: np.ndarray) -> Misf
     model = ((a[:, 2] + GRAVITY) / np.maximum(up, 0.2))[:, None] * z[:, :2]
     speed = over.integral(v)[:, :2] / span
     # Least squares of the one coefficient, bounded below by zero.
-    rest, moving = a[:, :2] - model, speed - speed.mean(axis=0)
+    rest = a[:, :2] - model
+    moving = speed - speed.mean(axis=0)
     drag = max(0.0, -float(np.sum(rest * moving)) / max(float(np.sum(moving**2)), 1e-12))
     return out | _compared("lift", a[:, :2], model - drag * speed, everything)
 
@@ -211,7 +209,8 @@ def _lift(over: Windows, everything: bool, v: np.ndarray, q: np.ndarray) -> Misf
 def _compared(law: str, left: np.ndarray, right: np.ndarray, everything: bool) -> Misfits:
     out = {}
     for i in range(left.shape[1]):
-        a, b = left[:, i] - left[:, i].mean(), right[:, i] - right[:, i].mean()
+        a = left[:, i] - left[:, i].mean()
+        b = right[:, i] - right[:, i].mean()
         size = max(_rms(a), _rms(b))
         if size > LEAST[law] or everything:
             out[f"{law} {'xyz'[i]}"] = _rms(a - b) / max(size, LEAST[law])
@@ -245,19 +244,16 @@ ALIKE = 0.5  # cosine below which two signals are not multiples of each other [1
 STILL = 1e-4  # ratio below which one of two signals is constant [1]
 TURNS = 0.3  # spread of an axis' rate over a window below which its torque is not checked [rad/s]
 TORQUE_WINDOWS = 8  # duration that a flight needs for a check of its torque [windows]
-TORQUE_RATIO = (
-    30.0  # of two integrals of one signal; at most 5.3 in valid flights, 3.4 where they turn [1]
-)
-OPPOSITE = (
-    0.7  # share of the rotation left by the opposite torque if the sign is wrong; 0.97 if valid [1]
-)
+# of two integrals of one signal; at most 5.3 in valid flights, 3.4 where they turn [1]
+TORQUE_RATIO = 30.0
+# share of the rotation left by the opposite torque if the sign is wrong; 0.97 if valid [1]
+OPPOSITE = 0.7
 FASTEST_ROTOR = 5000.0  # [rad/s]; 48,000 rpm
 SIGN = 0.25  # of the spreads below: an axis that moves so much shows its sign [1]; own choice
 # share of thrust downwards on the whole, which tumbling flights do not have [1]; own choice
 DOWN = 0.3
-AGAINST = (
-    0.3  # share of a change that the opposite of its rate's integral leaves if a sign is wrong [1]
-)
+# share of a change that the opposite of its rate's integral leaves if a sign is wrong [1]
+AGAINST = 0.3
 # Spread below which nothing is checked [m, rad, m/s, rad/s].
 LEAST_SPREAD = {"position": 0.2, "attitude": 0.2, "velocity": 0.5, "rates": 1.0}
 
@@ -307,7 +303,8 @@ def _compare(
     enough, not as the opposite, in size too, and on the whole in unit and frame.
     """
     for i in range(3 if kind != "attitude" else 0):  # its sign is that of its convention
-        c, s = change[:, i] - change[:, i].mean(), sum_[:, i] - sum_[:, i].mean()
+        c = change[:, i] - change[:, i].mean()
+        s = sum_[:, i] - sum_[:, i].mean()
         size = float(np.std(c))
         if size > SIGN * LEAST_SPREAD[kind] and np.std(c + s) < AGAINST * size:
             rated = {"rates": "body rates"}.get(kind, kind)
@@ -317,7 +314,8 @@ def _compare(
                 f"s it goes the opposite way. "
                 f"Turn its sign, or that of {left[:-1]}{'xyz'[i]}; W has z up."
             )
-    a, b = _spread(change), _spread(sum_)
+    a = _spread(change)
+    b = _spread(sum_)
     if max(a, b) < LEAST_SPREAD[kind] or RATIO * min(a, b) > max(a, b):
         return
     if min(a, b) > STILL * max(a, b) and _likeness(change, sum_) < ALIKE:
@@ -334,7 +332,8 @@ def _likeness(a: np.ndarray, b: np.ndarray) -> float:
     """Return the cosine between two (n, 3) about their means [1]; near one where they differ in
     their unit alone.
     """
-    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    a = a - a.mean(axis=0)
+    b = b - b.mean(axis=0)
     return float(abs(np.sum(a * b)) / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-300))
 
 
@@ -363,7 +362,8 @@ def _check_lift(log: FlightLog, path: object) -> None:
     attitude.
     """
     known = np.isfinite(log.u[:, 0])
-    thrust, up = log.u[known, 0], attitude.body_z(log.q[known])[:, 2]
+    thrust = log.u[known, 0]
+    up = attitude.body_z(log.q[known])[:, 2]
     if np.sum(thrust * up) >= -DOWN * np.sum(np.abs(thrust)):
         return
     require(
@@ -411,14 +411,16 @@ def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, over: Windows)
     turn = over.change(momentum) + over.integral(np.cross(log.w, momentum))
     push = over.integral(np.nan_to_num(log.u[:, 1:]))
     turns = np.std(turn, axis=0) > TURNS * np.diag(vehicle.J)
-    columns, remedy = ("tx", "ty", "tz"), "Write it about the body axes of the rates."
+    columns = ("tx", "ty", "tz")
+    remedy = "Write it about the body axes of the rates."
     if log.input == "rotor_speed":
         columns = ("rotor1",) * 3
         remedy = (
             f"Are rotor_positions and rotor_directions of vehicle {vehicle.name!r} in the "
             f"log's order?"
         )
-    a, b = _spread(push), _spread(turn)
+    a = _spread(push)
+    b = _spread(turn)
     if turns.any() and TORQUE_RATIO * min(a, b) < max(a, b) and _likeness(push, turn) > ALIKE:
         raise LogError(
             f"{place(path, column=columns[0])}: torque must be what turns the vehicle; "

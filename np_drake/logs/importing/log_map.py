@@ -61,7 +61,8 @@ UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "commanded_rates": {"rad/s": 1.0, "deg/s": 0.017453292519943295},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
 }
-ORDERS, DIRECTIONS = ("wxyz", "xyzw"), ("body_to_world", "world_to_body")
+ORDERS = ("wxyz", "xyzw")
+DIRECTIONS = ("body_to_world", "world_to_body")
 SIZES: dict[str, tuple[int, ...]] = {  # number of columns
     "position": (3,),
     "velocity": (3,),
@@ -176,7 +177,8 @@ class LogMap:
     @property
     def in_body(self) -> bool:
         """Whether it names a gyro and an accelerometer that read in body axes."""
-        rates, force = self.rates, self.acceleration
+        rates = self.rates
+        force = self.acceleration
         axes = {rates.axes_of("rates"), force.axes_of("acceleration")}
         return bool(rates and force) and force.kind != "acceleration" and axes == {"body"}
 
@@ -261,7 +263,8 @@ def load_map_file(name: str | Path) -> MapFile:
 
 
 def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
-    count, usual = len(source.columns), next(iter(UNITS[name]))
+    count = len(source.columns)
+    usual = next(iter(UNITS[name]))
     if count not in known:
         sizes = " or ".join(map(str, known))
         raise ValueError(f"LogMap: {name} must name {sizes} columns; got {count}.")
@@ -376,7 +379,8 @@ def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray
     if source.direction == "world_to_body":
         q = q * [1.0, -1.0, -1.0, -1.0]
     world, body = log_map.frames(source)
-    q_W, q_B = _turn(world)[1], _turn(body, log_map.board_turn)[1]
+    q_W = _turn(world)[1]
+    q_B = _turn(body, log_map.board_turn)[1]
     return attitude.multiply(attitude.multiply(q_W, q), attitude.conjugate(q_B))
 
 

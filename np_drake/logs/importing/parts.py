@@ -92,7 +92,8 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
     Raises: LogError: if its values cannot be in the unit that the map declares.
     """
     for name, (least, most) in ((n, ends) for n, ends in RANGES.items() if n in values):
-        middle, high = np.median(values[name]), np.percentile(values[name], 99.9)
+        middle = np.median(values[name])
+        high = np.percentile(values[name], 99.9)
         source = getattr(log_map, name)
         unit = source.unit or next(iter(UNITS[name]))
         wrong, shown = (f"above {most:g}", high) if high > most else (f"below {least:g}", middle)
@@ -250,7 +251,8 @@ def _flights(aligned: Aligned, ground: np.ndarray, log_map: LogMap) -> list[Flig
 
     Rows in gaps are left out; in a long gap that a line bridges they stay, with a mark.
     """
-    t, chosen = aligned.t, np.flatnonzero(~aligned.filled & ~ground)
+    t = aligned.t
+    chosen = np.flatnonzero(~aligned.filled & ~ground)
     breaks = np.flatnonzero(np.diff(t[chosen]) > LONGEST_GAP + 1e-9) + 1
     parts = [part for part in np.split(chosen, breaks) if len(part) >= LEAST_ROWS]
     flights = parts[:1]
@@ -268,15 +270,19 @@ def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
     x = {key: value[rows] for key, value in aligned.values.items()}
     t = aligned.t[rows]
     bridged = aligned.filled[rows]
-    u, throttle, kind = np.full((len(t), 4), np.nan), x.get("throttle"), "normalised"
+    u = np.full((len(t), 4), np.nan)
+    throttle = x.get("throttle")
+    kind = "normalised"
     if "thrust" in x and log_map.thrust.unit == "weight":
         throttle = x["thrust"]
     elif "thrust" in x:
-        u[:, 0], kind = x["thrust"][:, 0], "thrust_only"
+        u[:, 0] = x["thrust"][:, 0]
+        kind = "thrust_only"
     if throttle is not None and "hover_throttle" in x:
         throttle = throttle / np.maximum(x["hover_throttle"], 1e-3)
     if "torque" in x and kind == "thrust_only":
-        u[:, 1:], kind = x["torque"], "command"
+        u[:, 1:] = x["torque"]
+        kind = "command"
     elif "rotor_speed" in x:
         kind = "rotor_speed"
     return FlightLog(
@@ -350,7 +356,8 @@ def imported_parts(
                 said.append(f"{span} holds no flight; left out")
                 continue
             usual = usual or (usual_lift(lift_of(made.aligned.values)) if made.carried else 0.0)
-            done[k], said = made, [*said, *told]
+            done[k] = made
+            said = [*said, *told]
         except LogError as error:
             fits_other = isinstance(error, WrongConventions) and bool(error.verdict.changes)
             if len(parts) == 1 or (fits_other and not done):
@@ -393,6 +400,7 @@ def _fitting(
             said = [
                 f"{FITS}{since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"
             ]
-            signals, verdict = part, own
+            signals = part
+            verdict = own
     log_map, verdict = agreed(verdict, signals, log_map, path, adopt=adopt)
     return log_map, (signals, log_map, verdict), said

@@ -72,7 +72,8 @@ class Signal:
         A signal that rests keeps one wherever it has not changed for two usual intervals of change:
         its rest is no gap.
         """
-        rows, new = np.arange(len(self.t)), self._new
+        rows = np.arange(len(self.t))
+        new = self._new
         usual = max(1, round(float(np.median(np.diff(rows[new])))))
         since = rows - np.maximum.accumulate(np.where(new, rows, 0))
         keep = new | ((since > 0) & (since % (2 * usual) == 0))
@@ -108,12 +109,15 @@ class Signal:
         """Return the integral from the first sample, (m, k): linear between samples and constant
         beyond them.
         """
-        t, x = self.t, self.values
-        i, inside = self.before(at), np.clip(at, t[0], t[-1])
+        t = self.t
+        x = self.values
+        i = self.before(at)
+        inside = np.clip(at, t[0], t[-1])
         gone = (inside - t[i])[:, None]
         slope = (x[i + 1] - x[i]) / (t[i + 1] - t[i])[:, None]
         out = self._sum[i] + (x[i] + 0.5 * slope * gone) * gone
-        before, after = np.minimum(at - t[0], 0.0), np.maximum(at - t[-1], 0.0)
+        before = np.minimum(at - t[0], 0.0)
+        after = np.maximum(at - t[-1], 0.0)
         return out + before[:, None] * x[0] + after[:, None] * x[-1]
 
     def integrated(self, rate: "Signal", at: np.ndarray) -> np.ndarray:
@@ -137,7 +141,8 @@ class Signal:
             rate: body rates; None: not known.
             at: (m,) [s].
         """
-        i, q = self.before(at), self.values
+        i = self.before(at)
+        q = self.values
         step = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
         turn = self._share(i, at) * step[i]
         if rate is not None:
@@ -147,7 +152,8 @@ class Signal:
 
     def _bulge(self, rate: "Signal", at: np.ndarray) -> np.ndarray:
         """Return what the integral of a rate adds to a line between samples, (m, k)."""
-        i, total = self.before(at), rate.integral(self.t)
+        i = self.before(at)
+        total = rate.integral(self.t)
         return rate.integral(at) - (total[i] + self._share(i, at) * (total[i + 1] - total[i]))
 
     def within_wide(self, rate: "Signal", i: np.ndarray) -> np.ndarray:
@@ -174,7 +180,8 @@ class Signal:
         Each row is held from its time until the next; the first also before, the last also after.
         The last row of the result is the command held at the last time.
         """
-        t, x = self.t, self.values
+        t = self.t
+        x = self.values
         edges = np.concatenate([[0.0], np.cumsum(np.diff(t))])
         total = np.concatenate(
             [np.zeros((1, x.shape[1])), np.cumsum(x[:-1] * np.diff(t)[:, None], axis=0)]
@@ -206,11 +213,8 @@ def clock_of(signals: Signals) -> Signal:
 
 
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
-OPTIONAL = (
-    "voltage",
-    "hover_throttle",
-    "commanded_rates",
-)  # of which a few samples are as good as none
+# of which a few samples are as good as none
+OPTIONAL = "voltage", "hover_throttle", "commanded_rates"
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
 # Of a battery that carries a vehicle [V]; own choice: a lithium cell is empty at 2.5 V, and sags.
 LEAST_VOLTAGE = 2.0
@@ -247,7 +251,8 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
         if signal.tick:
             ticks.setdefault(signal.tick, []).append(name)
         if name in STATE and len(signal.t) >= LEAST_ROWS and len(signal.renewed.t) < len(signal.t):
-            share, signal = len(signal.renewed.t) / len(signal.t), signal.renewed
+            share = len(signal.renewed.t) / len(signal.t)
+            signal = signal.renewed
             notes.append(
                 f"{name}: rows repeat; taken as a signal of {1 / signal.step:.4g} Hz "
                 f"({share:.0%} of the rows)"
@@ -303,9 +308,11 @@ def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
     zero = good & (np.linalg.norm(np.where(good[:, None], signal.values, 0.0), axis=1) < LEAST_NORM)
     zero &= quaternion
     kept = good & ~zero
-    t, values = signal.t[kept], signal.values[kept]
+    t = signal.t[kept]
+    values = signal.values[kept]
     later = np.diff(np.maximum.accumulate(t), prepend=-np.inf) > 0
-    t, values = t[later], values[later]
+    t = t[later]
+    values = values[later]
     counts = {
         "no number": np.sum(~good),
         "a quaternion of zeros": np.sum(zero),
@@ -370,20 +377,16 @@ LONGEST_ZERO = 0.1  # in which no rotor stops and turns again [s]; own choice
 # speed over the median beyond which a reading is none: sixteen times its thrust [1]; own choice
 GLITCH = 4.0
 CARRIES = 0.7  # speed over the usual from which a rotor carries: half of its thrust [1]; own choice
-STOPS = (
-    0.25  # speed over the usual below which it stands: a sixteenth of its thrust [1]; own choice
-)
+# speed over the usual below which it stands: a sixteenth of its thrust [1]; own choice
+STOPS = 0.25
 FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
 RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseconds [s]
 CLOCK_SET = 1e6  # interval, beyond which the clock was set [s]
 FEWEST = 0.2  # share of samples of one time from which it is the clock's tick [1]; own choice
 LONG_TICK = 5e-3  # beyond which a tick stands against an answer [s]; own choice: of a motor's lag
 TICKS = "the clock runs in ticks of "  # beginning of a line
-HELD = (
-    "held_after",
-    "held_before",
-    "averaged",
-)  # commands that are known between their rows, however slow
+# commands that are known between their rows, however slow
+HELD = "held_after", "held_before", "averaged"
 COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
 
 
@@ -392,7 +395,8 @@ def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) ->
     throttle or thrust takes their place. Return a line on it, or none.
     Raises: LogError: if too few are left, and nothing takes their place.
     """
-    own, level = signals["rotor_speed"], None
+    own = signals["rotor_speed"]
+    level = None
     name = next((name for name in ("thrust", "throttle") if name in signals), "")
     if name:
         level = np.interp(
@@ -446,7 +450,8 @@ def without_zeros(
             if min(around, default=np.inf) < STOPS * usual:  # it slows down
                 continue
             inside = len(around) == 2
-            before, after = own.t[max(start - 1, 0)], own.t[min(stop, len(column) - 1)]
+            before = own.t[max(start - 1, 0)]
+            after = own.t[min(stop, len(column) - 1)]
             brief = after - before <= max(LONGEST_ZERO, 2.5 * own.step)
             may_stop = stop == len(column) and start > 0 and carried[start:].any()
             short[start:stop] = brief and inside
@@ -471,7 +476,8 @@ def stopped_rotor(own: Signal) -> tuple[float, int] | None:
     share, carried = _shares(own.values)
     if not carried.any():
         return None
-    stop, found = int(np.flatnonzero(carried)[-1]) + 1, []
+    stop = int(np.flatnonzero(carried)[-1]) + 1
+    found = []
     for number, column in enumerate(share[:stop].T, start=1):
         first = int(np.max(np.flatnonzero(column > STOPS), initial=-1)) + 1
         turning = np.flatnonzero(column[:first] > CARRIES)
@@ -511,7 +517,8 @@ def usable_inputs(signals: Signals, log_map: LogMap) -> tuple[dict[str, Signal],
     an acceleration, in which vibrations alias, where velocity tells it. A throttle of each motor,
     and rotor speed alone, become their collective.
     """
-    out, said = dict(signals), []
+    out = dict(signals)
+    said = []
     lifting = [name for name in ("thrust", "throttle", "rotor_speed") if name in out]
     replaced = {
         "acceleration": {"attitude", "velocity"} <= out.keys(),
