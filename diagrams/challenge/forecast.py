@@ -21,6 +21,7 @@ from np_drake import rigid_body
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, ReadsLabels, labels, raw_labels
 from np_drake.lifting.model.lifted_model import PAPER, load_model
+from np_drake.lifting.training.neural_lpv import fine_tuned
 from np_drake.lifting.training.train import make_config, train
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
@@ -42,6 +43,7 @@ STEP = 0.02  # between samples, over which labels are averaged [s]
 HORIZONS = (1, 5, 10, 20, 30, 40, 50)  # [steps]
 HISTORY = 30  # labels that every window holds, and before the first origin [steps]
 KINDS = {"lateral force": slice(0, 2), "force": slice(0, 3), "torque": slice(3, 6)}  # of chi
+EPOCHS = 600  # gradient steps on real flights; own choice
 DRAWS = 2000  # of the flights, for the interval [1]
 
 
@@ -206,6 +208,12 @@ def _network(flights: Sequence[Opened]) -> NeuralPredictor:
     return NeuralPredictor.of(fitted_lpv(load_model(NP_MODEL), opened, STEP))
 
 
+def _tuned_network(flights: Sequence[Opened]) -> NeuralPredictor:
+    """Return the packaged network after more training on these flights."""
+    model = fine_tuned(_network(flights).model, _segments(flights), epochs=EPOCHS)
+    return NeuralPredictor.of(model)
+
+
 def _payload_filter(flights: Sequence[Opened]) -> PayloadFilter:
     """Return the packaged bank on the vehicle of these flights."""
     prior = PayloadFilterModel.load(FILTER_MODEL)
@@ -218,6 +226,7 @@ ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
     GP: lambda flights: MotionModel(GP, fit_gaussian_process(_segments(flights)), STEP),
     PAPER: _paper,
     "np": _network,
+    "np fine-tuned": _tuned_network,
     PAYLOAD_FILTER: _payload_filter,
 }
 

@@ -56,7 +56,12 @@ SCENARIOS = (".yaml", ".yml")  # files that are flown
 T = TypeVar("T")
 Epochs = Annotated[
     int | None,
-    Option("--epochs", min=1, max=1_000_000, help="Passes; default: the configuration's."),
+    Option(
+        "--epochs",
+        min=1,
+        max=1_000_000,
+        help="Passes, of neural-lpv gradient steps; on logs it takes none by default.",
+    ),
 ]
 Step = Annotated[
     float | None,
@@ -237,7 +242,15 @@ def _learn_network(
     loss = list[float]()
     model: Any = load_model(NP_MODEL)
     if flights:  # refuses what does not suit it, before anything is flown
-        model = fitted_lpv(model, flights, step)
+        count = 0 if envelope else epochs or 0
+        with progress("training the network", 1.0) as advance:
+            model = fitted_lpv(
+                model,
+                flights,
+                step,
+                epochs=count,
+                on_epoch=lambda done, total, error: advance(done / total, f"loss {error:.4g}"),
+            )
     if envelope:
         model, loss = train_network_on_envelope(envelope, run=run, vehicle=vehicle, epochs=epochs)
         model = fitted_lpv(model, flights, step) if flights else model

@@ -16,7 +16,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.labels import RAW, LabelConfig, default_labels
 from np_drake.lifting.model.lpv_model import NEURAL_LPV, LpvModel, units_of
 from np_drake.lifting.training.excitation import excitation
-from np_drake.lifting.training.neural_lpv import NeuralLpvConfig
+from np_drake.lifting.training.neural_lpv import NeuralLpvConfig, fine_tuned
 from np_drake.lifting.training.paper_training import descend
 from np_drake.lifting.training.train import Config, TrainingResult, configured, make_config, train
 from np_drake.residual_models.motion_model import (
@@ -31,7 +31,7 @@ from np_drake.rotor_input import acting_command, with_rotor_lag
 from np_drake.trained_model import Perceptron, origin_of, with_origin
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.actuator_timing import delayed, delays_sought, learned_timing
-from np_drake.training_data.segments import Flight, finite_runs, group_scale
+from np_drake.training_data.segments import Flight, Segment, finite_runs, group_scale
 from np_drake.vehicle import Vehicle
 
 TIMED = 10  # flights at most that tell how late commands act: more take long
@@ -60,15 +60,22 @@ def train_on_flights(
         delays = delays_sought(step)
         config = dc.replace(config, units=units_of(vehicle, step))
     timing = _timing(flights, delays)
-    segments = []
-    late = timing.get("command_delay", 0.0)
-    for f in flights:
-        data = delayed(f.data, late) if isinstance(f.data, FlightLog) else f.data
-        own = Flight(data, with_rotor_lag(f.vehicle, timing["rotor_lag"]))
-        segments += own.segments(step, label)
-    result = train(segments, config, on_epoch=on_epoch)
+    result = train(_segments(flights, timing, step, label), config, on_epoch=on_epoch)
     origin = origin_of(flights[0].frame, vehicle, label or default_labels(vehicle))
     return dc.replace(result, model=with_origin(result.model, origin, **timing))
+
+
+def _segments(
+    flights: Sequence[Flight], timing: dict[str, float], step: float, label: LabelConfig | None
+) -> list[Segment]:
+    """Return the pieces of the flights, of commands that act as late as `timing` says."""
+    segments = list[Segment]()
+    for f in flights:
+        late = timing.get("command_delay", 0.0)
+        data = delayed(f.data, late) if isinstance(f.data, FlightLog) else f.data
+        vehicle = with_rotor_lag(f.vehicle, timing["rotor_lag"])
+        segments += Flight(data, vehicle).segments(step, label)
+    return segments
 
 
 def _timing(flights: Sequence[Flight], delays: Sequence[float]) -> dict[str, float]:
@@ -86,13 +93,22 @@ def _timing(flights: Sequence[Flight], delays: Sequence[float]) -> dict[str, flo
     return {"rotor_lag": lag} | ({"command_delay": delay} if len(delays) > 1 else {})
 
 
-def fitted_lpv(prior: Any, flights: Sequence[Flight], step: float) -> LpvModel:
+def fitted_lpv(
+    prior: Any,
+    flights: Sequence[Flight],
+    step: float,
+    *,
+    epochs: int = 0,
+    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
+) -> LpvModel:
     """Return the network for the vehicle of `flights`, with its units and the timing of its
-    commands; what a payload does it has learnt from others.
+    commands; what a payload does it has learnt from others, and from these in `epochs` more steps.
 
     Args:
         prior: an `LpvModel`.
         step: time between samples [s].
+        epochs: gradient steps on the flights, see `fine_tuned`.
+        on_epoch: as of `train`.
     """
     vehicle = flights[0].vehicle
     require(
@@ -104,6 +120,9 @@ def fitted_lpv(prior: Any, flights: Sequence[Flight], step: float) -> LpvModel:
     model = dc.replace(prior, scale=unit, step=step, summary=summary)
     make_config(NEURAL_LPV, frame=flights[0].frame)  # refuses other axes
     timing = _timing(flights, delays_sought(step))
+    if epochs:
+        pieces = _segments(flights, timing, step, RAW)
+        model = fine_tuned(model, pieces, epochs=epochs, on_epoch=on_epoch)
     return with_origin(model, origin_of(flights[0].frame, vehicle, RAW), **timing)
 
 

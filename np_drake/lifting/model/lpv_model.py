@@ -51,6 +51,7 @@ RATES = 2 * OSCILLATORS + 2 * DECAYING
 LOWEST = np.log(5e-5)
 HIGHEST = np.log(0.6)
 PARAMETERS = RATES + PLANE + DECAYING + 2
+ARRAYS = ("experts", "lifts", "level", "torque", "probes", "glances")  # that are learned
 MOST = 20.0  # largest logarithm of a gate [1]
 
 
@@ -131,8 +132,7 @@ class LpvModel:
 
     def in_numpy(self) -> "LpvModel":
         """Return the model with arrays in the place of tensors."""
-        names = ("experts", "lifts", "level", "torque", "probes", "glances")
-        found: dict[str, Any] = {name: np.asarray(getattr(self, name), float) for name in names}
+        found: dict[str, Any] = {name: np.asarray(getattr(self, name), float) for name in ARRAYS}
         return dc.replace(self, **found, network=self.network.in_numpy())
 
     def energies(self, features: Features) -> np.ndarray:

@@ -18,6 +18,7 @@ from torch import nn
 from torch.nn.functional import pad, smooth_l1_loss
 
 from np_drake.lifting.model.lpv_model import (
+    ARRAYS,
     BLOCKS,
     DECAYING,
     DECAYS,
@@ -49,6 +50,7 @@ AVERAGED = 5  # labels that are averaged in what a forecast is compared with
 FINE = torch.tensor([0.03, 0.1, 0.04])
 WEIGHT = torch.tensor([1.0, 0.1, 0.5])
 OWN = torch.tensor([1.0, 0.0, 1.0])
+TUNING = 3e-3  # rate of a step on another vehicle's flights, over the size of a parameter [1]
 KEPT = 0.95  # of a flight's usual square error, at a new one [1]
 ROBUST = 2.0  # error over the usual one beyond which it counts linearly [1]
 # At the start, of oscillators and decays [1/step]
@@ -123,8 +125,44 @@ def _origins(segment: Segment, scale: np.ndarray) -> tuple[np.ndarray, ...]:
     )
 
 
-class LpvNetwork(nn.Module):
-    """The model with gradients, its inputs in coordinates of unit variance.
+class ScheduledNetwork(nn.Module):
+    """A model with gradients."""
+
+    def model(self, step: float = 1.0) -> LpvModel:
+        """Return the model, of tensors."""
+        raise NotImplementedError
+
+    def forecast(self, planes, heave, products, climb, age, zeta) -> torch.Tensor:
+        """Return chi now and every `STRIDE` samples ahead, without units, (n, STEPS + 1, 6).
+
+        Args:
+            zeta: (n, HORIZON + 1, 6) from the step before on, of which `STRIDE` are averaged.
+        """
+        model = self.model()
+        states, theta = model.schedule(
+            planes, heave, energies(model.probes, products, climb), age, torch
+        )
+        A, B, C = model.matrices(theta, torch)
+        A, B = A @ A, A @ B + B
+        z = torch.cat([states, zeta[:, 0, :3]], dim=1)[..., None]
+        found = []
+        drive = B @ zeta[:, 1:].unflatten(1, (STEPS, STRIDE)).mean(dim=2).mT
+        for i in range(STEPS):
+            found.append(z)
+            z = torch.baddbmm(drive[..., i : i + 1], A, z)
+        return (C @ torch.cat([*found, z], dim=2)).mT
+
+    def errors(self, rows: list[torch.Tensor]) -> list[torch.Tensor]:
+        """Return the errors of forecasts without units, of force in the planes, in heave, and of
+        torque, (n, STEPS + 1, 2 | 1 | 2).
+        """
+        *seen, goal, _ = rows
+        error = self.forecast(*seen) - goal
+        return [error[..., :2], error[..., 2:3], error[..., 3:5]]
+
+
+class LpvNetwork(ScheduledNetwork):
+    """A random model, its inputs in coordinates of unit variance.
 
     Args:
         seen: what `origins` returns, whose variance that is.
@@ -168,7 +206,7 @@ class LpvNetwork(nn.Module):
         self.spread = statistics.std(dim=0, correction=0) + 1e-3
 
     def model(self, step: float = 1.0) -> LpvModel:
-        """Return the model of inputs as they are, of tensors."""
+        """Return the model of inputs as they are."""
         moving, planes, heave, blocks = self.white
         experts, glances = (
             pad((of @ moving.T).unflatten(-1, (-1, 3)), (0, 1)).flatten(-2)
@@ -192,33 +230,23 @@ class LpvNetwork(nn.Module):
             Perceptron(tuple(weights), tuple(biases)),
         )
 
-    def forecast(self, planes, heave, products, climb, age, zeta) -> torch.Tensor:
-        """Return chi now and every `STRIDE` samples ahead, without units, (n, STEPS + 1, 6).
 
-        Args:
-            zeta: (n, HORIZON + 1, 6) from the step before on, of which `STRIDE` are averaged.
-        """
-        model = self.model()
-        states, theta = model.schedule(
-            planes, heave, energies(model.probes, products, climb), age, torch
-        )
-        A, B, C = model.matrices(theta, torch)
-        A, B = A @ A, A @ B + B
-        z = torch.cat([states, zeta[:, 0, :3]], dim=1)[..., None]
-        found = []
-        drive = B @ zeta[:, 1:].unflatten(1, (STEPS, STRIDE)).mean(dim=2).mT
-        for i in range(STEPS):
-            found.append(z)
-            z = torch.baddbmm(drive[..., i : i + 1], A, z)
-        return (C @ torch.cat([*found, z], dim=2)).mT
+class FineTunedNetwork(ScheduledNetwork):
+    """A trained model."""
 
-    def errors(self, rows: list[torch.Tensor]) -> list[torch.Tensor]:
-        """Return the errors of forecasts without units, of force in the planes, in heave, and of
-        torque, (n, STEPS + 1, 2 | 1 | 2).
-        """
-        *seen, goal, _ = rows
-        error = self.forecast(*seen) - goal
-        return [error[..., :2], error[..., 2:3], error[..., 3:5]]
+    def __init__(self, prior: LpvModel):
+        super().__init__()
+        self.prior = prior
+        arrays = [*(getattr(prior, name) for name in ARRAYS), *prior.network.tensors().values()]
+        self.arrays = nn.ParameterList(torch.tensor(array).float() for array in arrays)
+
+    def model(self, step: float = 1.0) -> LpvModel:
+        """Return the model with the present arrays."""
+        named = dict(zip(ARRAYS, self.arrays, strict=False))
+        layers = list(self.arrays)[len(ARRAYS) :]
+        depth = len(layers) // 2
+        network = Perceptron(tuple(layers[:depth]), tuple(layers[depth:]))
+        return dc.replace(self.prior, step=step, **named, network=network)
 
 
 def energies(probes: Array, products: torch.Tensor, climb: torch.Tensor) -> torch.Tensor:
@@ -258,17 +286,69 @@ def train_neural_lpv(
     with torch.random.fork_rng():
         torch.manual_seed(config.seed)
         network = LpvNetwork(config, seen)
-    generator = np.random.default_rng(config.seed)
     matrices: list[Any] = [network.experts, network.glances, network.layers[1].weight]
     others = [value for value in network.parameters() if all(value is not m for m in matrices)]
-    optimisers: list[Any] = [
+    optimisers = [
         torch.optim.Adam(others, lr=config.learning_rate),
         torch.optim.Muon(matrices, lr=config.matrix_rate, weight_decay=0.0),
     ]
+    history = _descend(network, seen, optimisers, config, on_epoch, longest=1.0)
+    model = network.requires_grad_(False).model(segments[0].step).in_numpy()
+    return dc.replace(model, summary=_summary(segments, history)), history
+
+
+def fine_tuned(
+    prior: LpvModel, segments: list[Segment], *, epochs: int, on_epoch: OnEpoch = lambda *_: None
+) -> LpvModel:
+    """Return the model after some more gradient steps on other flights, of several manoeuvres: on
+    a single one it forgets the rest.
+
+    Args:
+        epochs: gradient steps.
+    Raises: ValueError: if the segments are unusable.
+    """
+    segments = check_segments(segments, EARLIEST + HORIZON + 2)
+    network = FineTunedNetwork(prior)
+    groups = [
+        {"params": [value], "lr": TUNING * float(value.detach().square().mean().sqrt())}
+        for value in network.parameters()
+    ]
+    config = NeuralLpvConfig(epochs=epochs)
+    seen = origins(segments, prior.scale)
+    history = _descend(network, seen, [torch.optim.Adam(groups)], config, on_epoch)
+    model = network.requires_grad_(False).model(prior.step).in_numpy()
+    return dc.replace(model, summary=prior.summary | _summary(segments, history))
+
+
+def _summary(segments: list[Segment], history: list[float]) -> dict[str, Any]:
+    """Return the key figures of a training."""
+    return {
+        "samples": sum(map(len, segments)),
+        "loss": history[-1] if history else None,
+        "excitation": excitation(segments),
+    }
+
+
+def _descend(
+    network: ScheduledNetwork,
+    seen: list[torch.Tensor],
+    optimisers: list[Any],
+    config: NeuralLpvConfig,
+    on_epoch: OnEpoch,
+    longest: float = np.inf,
+) -> list[float]:
+    """Descend on the errors of forecasts, and return the loss now and then.
+
+    Args:
+        seen: of `origins`.
+        optimisers: whose rates rise over a tenth and fall along a cosine.
+        longest: gradient, where all parameters are of one size.
+    """
+    generator = np.random.default_rng(config.seed)
     rates = [
         torch.optim.lr_scheduler.OneCycleLR(
             optimiser,
-            optimiser.param_groups[0]["lr"],
+            [group["lr"] for group in optimiser.param_groups],
             max(config.epochs, SHORTEST),
             pct_start=0.1,
             div_factor=10,
@@ -277,7 +357,8 @@ def train_neural_lpv(
         )
         for optimiser in optimisers
     ]
-    usual = torch.ones(len(segments), len(FINE))  # square error of each flight
+    flights = int(seen[-1].max()) + 1
+    usual = torch.ones(flights, len(FINE))  # square error of each flight
     losses = list[float]()
     history = list[float]()
     for step in range(1, config.epochs + 1):
@@ -287,7 +368,7 @@ def train_neural_lpv(
         flight = batch[-1]
         size = (OWN * usual[flight] + FINE**2).sqrt()
         square = torch.stack([e.detach().square().mean(dim=(1, 2)) for e in errors], dim=1)
-        count = torch.bincount(flight, minlength=len(usual))[:, None]
+        count = torch.bincount(flight, minlength=flights)[:, None]
         mean = torch.zeros_like(usual).index_add_(0, flight, square) / count.clip(1)
         usual += (1 - KEPT) * (count > 0) * (mean - usual)
         parts = [e / size[:, i, None, None] for i, e in enumerate(errors)]
@@ -295,7 +376,7 @@ def train_neural_lpv(
         loss = torch.stack(robust) @ WEIGHT
         network.zero_grad()
         loss.backward()
-        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        nn.utils.clip_grad_norm_(network.parameters(), longest)
         for part in (*optimisers, *rates):
             part.step()
         losses.append(loss.item())
@@ -303,10 +384,4 @@ def train_neural_lpv(
             history.append(float(np.mean(losses)))
             losses = []
             on_epoch(step, config.epochs, history[-1])
-    summary = {
-        "samples": sum(map(len, segments)),
-        "loss": history[-1] if history else None,
-        "excitation": excitation(segments),
-    }
-    model = network.requires_grad_(False).model(segments[0].step).in_numpy()
-    return dc.replace(model, summary=summary), history
+    return history

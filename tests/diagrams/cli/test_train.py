@@ -85,6 +85,8 @@ def test_a_log_tells_a_network_its_vehicle_alone(flown, tmp_path, capsys):
     np.testing.assert_array_equal(model.experts, packaged.experts)
     assert model.scale[0] == 0.25 * packaged.scale[0]
     assert f"{1e3 * model.summary['rotor_lag']:.1f}" in capsys.readouterr().out
+    assert run([*words, str(flown), "--vehicle", str(file), "--epochs", "2"]) == 0
+    assert not np.array_equal(load_model(out).experts, packaged.experts)
     np.save(array, np.cumsum(np.random.default_rng(0).standard_normal((900, 12)), axis=0))
     assert run([*words, str(array)]) == 2
     assert "neural-lpv needs wrenches in world axes" in capsys.readouterr().err

@@ -87,6 +87,25 @@ def test_other_loads_teach_the_force_of_an_unseen_one():
     assert ratio < 0.8  # of the error of persistence
 
 
+def test_more_steps_on_other_flights_teach_their_force():
+    others = [oscillator(k, 30.0, 1.0) for k in range(10, 13)]
+    errors = []
+    for epochs in (0, 100):
+        tuned = neural_lpv.fine_tuned(MODEL, others[:2], epochs=epochs)
+        network = neural_lpv.FineTunedNetwork(tuned).requires_grad_(False)
+        error = network.errors(neural_lpv.origins(others[2:], MODEL.scale))[0]
+        errors.append(float(error.square().mean()))
+        assert (tuned.step, tuned.summary["samples"]) == (STEP, 2400)
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_without_a_step_the_network_stays_what_it_was():
+    tuned = neural_lpv.fine_tuned(MODEL, [FLIGHT], epochs=0)
+    found, expected = lpv_tensors(tuned), lpv_tensors(MODEL)
+    for name in expected:
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-6)  # float32
+
+
 def test_what_is_read_from_a_small_file_is_what_was_written(tmp_path):
     network = neural_lpv.LpvNetwork(neural_lpv.NeuralLpvConfig(), SEEN).requires_grad_(False)
     saved = dc.replace(network.model(STEP).in_numpy(), summary={"samples": 7})
