@@ -3,15 +3,17 @@
 The names below are the public interface; each is imported when it is first used.
 """
 
+from typing import TYPE_CHECKING
+
 from np_drake.lazy_names import lazy_names
 
-NAMES = {
-    "ControllerConfig": "diagrams.loop.controllers",
-    "add_controller": "diagrams.loop.controllers",
-    "FlightConfig": "diagrams.loop.flight",
-    "load_experiment": "diagrams.loop.experiments",
-    "make_flight_diagram": "diagrams.loop.flight_diagram",
-    "fly": "diagrams.loop.flight_result",
-    "DrakeReplay": "diagrams.gap.drake_replay",
-}
-__getattr__, __dir__ = lazy_names(__name__, NAMES)
+if TYPE_CHECKING:
+    from diagrams.gap.drake_replay import DrakeReplay as DrakeReplay
+    from diagrams.loop.controllers import ControllerConfig as ControllerConfig
+    from diagrams.loop.controllers import add_controller as add_controller
+    from diagrams.loop.experiments import load_experiment as load_experiment
+    from diagrams.loop.flight import FlightConfig as FlightConfig
+    from diagrams.loop.flight_diagram import make_flight_diagram as make_flight_diagram
+    from diagrams.loop.flight_result import fly as fly
+else:
+    __getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

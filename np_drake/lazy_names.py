@@ -1,23 +1,28 @@
 """Public names of a package that are imported when they are first asked for."""
 
+import ast
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 
 def lazy_names(
-    package: str, names: Mapping[str, str]
-) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return `__getattr__` and `__dir__` of a package; a name that is asked for is imported once
-    and kept there.
+    package: str, file: str
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return `__getattr__`, `__dir__` and `__all__` of a package; a name that is asked for is
+    imported once and kept there.
 
     The first raises AttributeError for what is none of the public names.
 
     Args:
         package: dotted name of the package, its `__name__`.
-        names: {public name: dotted module that defines it}; a module stands for itself.
+        file: its source, in which the public names are imported as themselves for a type checker.
     """
+    tree = ast.parse(Path(file).read_text(encoding="utf-8"))
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    names = {one.name: node.module or "" for node in imports for one in node.names if one.asname}
 
     def get(name: str) -> Any:
         if name not in names:
@@ -25,9 +30,10 @@ def lazy_names(
                 f"module {package!r} has no attribute {name!r}; it offers "
                 f"{', '.join(sorted(names))}."
             )
-        module = import_module(names[name])
-        value = module if names[name] == f"{package}.{name}" else getattr(module, name)
+        if names[name] == package:
+            return import_module(f"{package}.{name}")
+        value = getattr(import_module(names[name]), name)
         setattr(sys.modules[package], name, value)
         return value
 
-    return get, lambda: sorted({*vars(sys.modules[package]), *names})
+    return get, lambda: sorted({*vars(sys.modules[package]), *names}), list(names)

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from mypy import api
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("np_drake", "np_drake.effects", "systems", "diagrams")
@@ -16,7 +17,7 @@ PACKAGES = ("np_drake", "np_drake.effects", "systems", "diagrams")
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_public_name_is_there_and_listed(package):
     module = import_module(package)
-    for name in module.NAMES:
+    for name in module.__all__:
         assert getattr(module, name) is not None
         assert name in dir(module)
 
@@ -24,8 +25,20 @@ def test_every_public_name_is_there_and_listed(package):
 @pytest.mark.parametrize("package", PACKAGES)
 def test_an_unknown_name_is_refused_with_those_there_are(package):
     module = import_module(package)
-    with pytest.raises(AttributeError, match=next(iter(module.NAMES))):
+    with pytest.raises(AttributeError, match=module.__all__[0]):
         module.no_such_name  # noqa: B018
+
+
+def test_a_type_checker_knows_every_public_name():
+    known = [f"{package}.{name}" for package in PACKAGES for name in import_module(package).__all__]
+    imports = [f"import {package}" for package in PACKAGES]
+    asked = ["reveal_type(np_drake.diagnose)", "from np_drake import nope"]
+    code = "\n".join([*imports, *known, *asked])
+    out, _, status = api.run(["--config-file=", "--follow-imports=silent", "-c", code])
+    assert status == 1
+    assert 'has no attribute "nope"' in out
+    assert out.count(": error:") == 1
+    assert "def (" in out  # of diagnose, and not Any
 
 
 @pytest.mark.parametrize("package", PACKAGES)

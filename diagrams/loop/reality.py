@@ -139,7 +139,8 @@ class RealityConfig:
         d = self.rotor_drag
         effects: list[WrenchEffect] = [library.LinearDrag(d, d, d)] if d > 0 else []
         if self.blows:
-            effects.append(library.GustyWind(*self.wind, deviation=self.gust, seed=self.gust_seed))
+            x, y, z = self.wind
+            effects.append(library.GustyWind(x, y, z, deviation=self.gust, seed=self.gust_seed))
         effects += split_effects(self.added).wrench
         gusts = [Disturbance(self.disturbance)] if self.disturbance.acts else []
         return [*effects, *gusts]
@@ -175,7 +176,8 @@ class RealityConfig:
         payload = self._payload_effect
         hung = self.hung
         if payload is None and hung.tether != "none":
-            payload = library.SuspendedPayload(*hung.pendulum, *hung.hook, hung.air_damping)
+            x, y, z = hung.hook
+            payload = library.SuspendedPayload(*hung.pendulum, x, y, z, hung.air_damping)
         found: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]
         if hung.rope_mass:
             found.append(library.MassError(hung.mass + hung.rope_mass - hung.pendulum[0]))

@@ -4,43 +4,45 @@ object a file.
 `LIBRARY` holds those that the diagnosis searches, by identifier.
 """
 
+from typing import TYPE_CHECKING
+
 from np_drake.lazy_names import lazy_names
 
-_FILES = (  # in the order of the search; each holds the class that is named as it
-    "mass_error",
-    "inertia_error",
-    "center_of_mass_offset",
-    "suspended_payload",
-    "thrust_scale",
-    "thrust_drift",
-    "weak_rotor",
-    "motor_lag",
-    "command_delay",
-    "linear_drag",
-    "quadratic_drag",
-    "blade_flapping",
-    "translational_lift",
-    "rotor_inflow",
-    "constant_wind",
-    "gusty_wind",
-    "ground_effect",
-    "rotor_gyroscopic",
-    "accelerometer_bias",
-    "gyro_bias",
-    "velocity_bias",
-    "attitude_bias",
-    "clock_offset",
-    "mixer_gain",
-    "torque_ratio",
-    "thrust_ceiling",
-    "battery_sag",
-    "throttle_curve",
-    "imu_mounting",
-    "attitude_latency",
-    "downwash",
-    "disturbance",
-    "sensor_noise",
-)
-NAMES = {file.title().replace("_", ""): f"np_drake.effects.{file}" for file in _FILES}
-NAMES["LIBRARY"] = "np_drake.effects.library"
-__getattr__, __dir__ = lazy_names(__name__, NAMES)
+if TYPE_CHECKING:  # in the order of the search
+    __all__: list[str]
+    from np_drake.effects.mass_error import MassError as MassError
+    from np_drake.effects.inertia_error import InertiaError as InertiaError
+    from np_drake.effects.center_of_mass_offset import CenterOfMassOffset as CenterOfMassOffset
+    from np_drake.effects.suspended_payload import SuspendedPayload as SuspendedPayload
+    from np_drake.effects.thrust_scale import ThrustScale as ThrustScale
+    from np_drake.effects.thrust_drift import ThrustDrift as ThrustDrift
+    from np_drake.effects.weak_rotor import WeakRotor as WeakRotor
+    from np_drake.effects.motor_lag import MotorLag as MotorLag
+    from np_drake.effects.command_delay import CommandDelay as CommandDelay
+    from np_drake.effects.linear_drag import LinearDrag as LinearDrag
+    from np_drake.effects.quadratic_drag import QuadraticDrag as QuadraticDrag
+    from np_drake.effects.blade_flapping import BladeFlapping as BladeFlapping
+    from np_drake.effects.translational_lift import TranslationalLift as TranslationalLift
+    from np_drake.effects.rotor_inflow import RotorInflow as RotorInflow
+    from np_drake.effects.constant_wind import ConstantWind as ConstantWind
+    from np_drake.effects.gusty_wind import GustyWind as GustyWind
+    from np_drake.effects.ground_effect import GroundEffect as GroundEffect
+    from np_drake.effects.rotor_gyroscopic import RotorGyroscopic as RotorGyroscopic
+    from np_drake.effects.accelerometer_bias import AccelerometerBias as AccelerometerBias
+    from np_drake.effects.gyro_bias import GyroBias as GyroBias
+    from np_drake.effects.velocity_bias import VelocityBias as VelocityBias
+    from np_drake.effects.attitude_bias import AttitudeBias as AttitudeBias
+    from np_drake.effects.clock_offset import ClockOffset as ClockOffset
+    from np_drake.effects.mixer_gain import MixerGain as MixerGain
+    from np_drake.effects.torque_ratio import TorqueRatio as TorqueRatio
+    from np_drake.effects.thrust_ceiling import ThrustCeiling as ThrustCeiling
+    from np_drake.effects.battery_sag import BatterySag as BatterySag
+    from np_drake.effects.throttle_curve import ThrottleCurve as ThrottleCurve
+    from np_drake.effects.imu_mounting import ImuMounting as ImuMounting
+    from np_drake.effects.attitude_latency import AttitudeLatency as AttitudeLatency
+    from np_drake.effects.downwash import Downwash as Downwash
+    from np_drake.effects.disturbance import Disturbance as Disturbance
+    from np_drake.effects.sensor_noise import SensorNoise as SensorNoise
+    from np_drake.effects.library import LIBRARY as LIBRARY
+else:
+    __getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

@@ -13,7 +13,7 @@ from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
 
 def _with_role(role: str) -> dict[str, type[Effect]]:
     """Return the effects of this package that state a role, by identifier."""
-    kinds = (getattr(effects, name) for name in effects.NAMES if name != "LIBRARY")
+    kinds = (getattr(effects, name) for name in effects.__all__ if name != "LIBRARY")
     return {kind.identifier: kind for kind in kinds if getattr(kind, "role", "") == role}
 
 
