@@ -142,7 +142,7 @@ def identify(
             f"give --mass.",
         )
         fitted, judging, last, said = _split(opened[: len(logs)], judging, prior, drive)
-        advance(READ, f"{len(fitted)} flight{'s' * (len(fitted) > 1)}")
+        advance(READ, f"{len(fitted)} flight{'s' if len(fitted) > 1 else ''}")
         trusted = trust == "thrust"
         stop, parts = (LAST, [(LAST, 1.0)]) if last else (1.0, [])
         found = identified(fitted, prior, mass=mass, trusted=trusted, drive=drive, stop=stop)

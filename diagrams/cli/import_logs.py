@@ -113,7 +113,7 @@ def import_logs(
         more = f" ({len(failures)} of {len(logs)} logs failed)" if len(logs) > 1 else ""
         failure = LogError(failures[0] + more)
     header = ["flight", "s", "Hz", "input", "timing [ms]", "rows bridged or left out"]
-    flights = f"{len(written)} flight{'s' * (len(written) != 1)}"
+    flights = f"{len(written)} flight{'s' if len(written) != 1 else ''}"
     return Report(
         [("imported flights", header, rows)] if rows else [],
         config={"logs": logs, "map": log_map, **how},

@@ -292,7 +292,7 @@ def headline(found: Identification) -> str:
     """Return the answer in one line: three numbers, and whether the flights tell them."""
     every = {q.name: q for q in found.quantities}
     count = len(found.models)
-    by = f"{count} flight{'s' * (count > 1)}"
+    by = f"{count} flight{'s' if count > 1 else ''}"
     told = sum(q.told for q in found.quantities)
     leading = [next((every[n] for n in names if n in every), None) for names in ANSWERS]
     said = [

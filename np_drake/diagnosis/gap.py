@@ -190,7 +190,7 @@ def assess_identifiability(
         names = ", ".join(
             name for name, reason in hidden.items() if reason == REQUIREMENTS[quantity]
         )
-        warnings += [f"{REQUIREMENTS[quantity]}: {names} cannot be told."] * bool(names)
+        warnings += [f"{REQUIREMENTS[quantity]}: {names} cannot be told."] if names else []
     for e in [*train, *held_out]:
         if e.log.a is None:
             warnings.append(

@@ -87,8 +87,8 @@ def unobservable(
     """
     absent = [
         *_MISSING[log_input],
-        *["torque"] * (not torque),
-        *["accelerations"] * (not accelerations),
+        *(["torque"] if not torque else []),
+        *(["accelerations"] if not accelerations else []),
         *lacks,
     ]
     return {
@@ -108,9 +108,9 @@ def _required(effect: type[Effect]) -> tuple[str, ...]:
     pose = issubclass(effect, SensorEffect) and "qw" in effect.corrupts
     return (
         *effect.requires,
-        *["torque"] * torque,
-        *["accelerations"] * accelerations,
-        *["attitude"] * pose,
+        *(["torque"] if torque else []),
+        *(["accelerations"] if accelerations else []),
+        *(["attitude"] if pose else []),
     )
 
 

@@ -47,7 +47,7 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
     for quantity in found.quantities:
         fields.setdefault(quantity.quantity.field, []).append(quantity)
     fields.pop("", None)
-    named = f"identified from {count} flight{'s' * (count > 1)}"
+    named = f"identified from {count} flight{'s' if count > 1 else ''}"
     values: dict[str, Any] = {}
     intervals = dict[str, list[list[float]]]()
     sources = dict[str, str]()

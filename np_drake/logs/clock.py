@@ -87,7 +87,7 @@ class Lag:
 
     def __str__(self) -> str:
         value = (
-            f"{'+' * (self.seconds > 0)}{fixed(1e3 * self.seconds, 1)} ± "
+            f"{'+' if self.seconds > 0 else ''}{fixed(1e3 * self.seconds, 1)} ± "
             f"{fixed(1e3 * self.deviation, 1)} ms"
         )
         return f"{self.late} {value} after {self.early}"

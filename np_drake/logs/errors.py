@@ -35,5 +35,5 @@ def place(
     if column is not None:
         text += f", column {column}"
     if row is not None:
-        text += f", row {row + 1}" + f" (line {row + 1 + header_lines})" * bool(header_lines)
+        text += f", row {row + 1}" + (f" (line {row + 1 + header_lines})" if header_lines else "")
     return text

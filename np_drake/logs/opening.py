@@ -356,8 +356,10 @@ def _parts(found: Opened) -> list[FlightLog]:
     if len(parts) == 1:
         return [dc.replace(parts[0], name=path.name)]
     kept = [log for log in parts if log.t[-1] - log.t[0] >= SHORTEST] or parts
-    note = [f"{len(parts) - len(kept)} parts shorter than {SHORTEST:g} s left out"] * (
-        len(kept) < len(parts)
+    note = (
+        [f"{len(parts) - len(kept)} parts shorter than {SHORTEST:g} s left out"]
+        if len(kept) < len(parts)
+        else []
     )
     return [
         dc.replace(

@@ -284,7 +284,7 @@ def smallest_sizes(information: Information) -> list[Smallest]:
         for other in known:
             if other is not main and not information.inside(main, other):
                 ratio = float(np.max(_sizes(information, [main], [other]) / near))
-                wider += [(ratio, other)] * (ratio > RESEMBLES)
+                wider += [(ratio, other)] if ratio > RESEMBLES else []
         most = [t for _, t in sorted(wider, key=lambda pair: -pair[0])[:MOST_BESIDE]]
         beside = np.maximum(alone, _sizes(information, variants, most))
         names = tuple(p.name for p in main.parameters)

@@ -64,7 +64,7 @@ def listed(names: Sequence[str], last: str = "and") -> str:
 
 def flights(count: int) -> str:
     """Return 'the held-out flight' or 'the held-out flights'."""
-    return f"the held-out flight{'s' * (count != 1)}"
+    return f"the held-out flight{'s' if count != 1 else ''}"
 
 
 def unit_of(cause: Cause, parameter: Estimate) -> str:
@@ -112,7 +112,7 @@ def phrase(cause: Cause) -> str:
     own = effect_of(cause.identifier).phrase
     if own and {field for _, field, _, _ in string.Formatter().parse(own) if field} <= set(values):
         later = listed(_changes(cause), "then")
-        return own.format(**values) + f" ({later})" * bool(later)
+        return own.format(**values) + (f" ({later})" if later else "")
     if len(values) == 1:
         return f"{name} of {next(iter(values.values()))}"
     if others or unit in ("", "1"):
@@ -135,7 +135,7 @@ def _changes(cause: Cause, flight: str = "") -> list[str]:
         mass = load.value
         sign = "+" if size > 0 else "−"
         what = f"{sign}{measure(abs(size), 'kg', 3)}" if mass else "dropped"
-        found.append(what + f" at {time:.1f}{NBSP}s" * math.isfinite(time))
+        found.append(what + (f" at {time:.1f}{NBSP}s" if math.isfinite(time) else ""))
     return found
 
 
@@ -146,7 +146,7 @@ def begins(cause: Cause, longest: int = 36) -> list[str]:
         when = "" if time is None else f"{time:.1f}{NBSP}s" if math.isfinite(time) else "not at all"
         if later := _changes(cause, flight):
             mass = measure(cause.parameters["mass"].value, "kg", 3)
-            when = ", ".join([mass + f" at {when}" * bool(when), *later])
+            when = ", ".join([mass + (f" at {when}" if when else ""), *later])
         if when:
             found.append(f"{plain_name(flight, longest)}: {when}")
     return found
@@ -222,9 +222,9 @@ def sizes_left(left: Remainder) -> str:
         measure(size, unit) for size, unit in ((left.force, "N"), (left.torque, "N·m")) if size > 0
     ]
     after = f"after 1{NBSP}s"
-    sizes += [f"{measure(left.position, 'm')} {after}"] * math.isfinite(left.position)
+    sizes += [f"{measure(left.position, 'm')} {after}"] if math.isfinite(left.position) else []
     hides = 0 < left.noise < math.inf and not left.position > left.noise
-    alone = f", beside up to {measure(left.noise, 'm')} {after} by noise alone" * hides
+    alone = f", beside up to {measure(left.noise, 'm')} {after} by noise alone" if hides else ""
     return f"{listed(sizes) or 'nothing'}{alone}"
 
 
@@ -237,7 +237,7 @@ def remains(diagnosis: Diagnosis) -> str:
             f"1{NBSP}s, beyond the noise."
         )
     least = unexplained.NOTHING
-    below = f" (immaterial below {percent(least)})" * (left.share < least)
+    below = f" (immaterial below {percent(least)})" if left.share < least else ""
     said = f"{percent(left.share)} of the held-out gap is left beyond the noise{below}"
     return (
         f"{said}: {sizes_left(left)}. Probability that this is material: "
@@ -268,10 +268,12 @@ def headline(diagnosis: Diagnosis) -> str:
     unknown = UNKNOWN in diagnosis.verdict
     causes = named_causes(diagnosis)
     first = causes[:MOST_NAMED]
-    more = [f"{len(causes) - len(first)} more"] * (len(causes) > len(first))
+    more = [f"{len(causes) - len(first)} more"] if len(causes) > len(first) else []
     if diagnosis.before:
-        since = f"since the flight{'s' * (len(diagnosis.before) > 1)} before"
-        left_over = f"; {percent(left.share)} of the gap on {judges} remains unexplained" * unknown
+        since = f"since the flight{'s' if len(diagnosis.before) > 1 else ''} before"
+        left_over = (
+            f"; {percent(left.share)} of the gap on {judges} remains unexplained" if unknown else ""
+        )
         if not causes:
             return (
                 f"Nothing changed {since} that these flights would show: {seen(diagnosis)} "
@@ -280,7 +282,7 @@ def headline(diagnosis: Diagnosis) -> str:
         named = [*(changed(c) + _or_else(c) for c in first), *more]
         # What the balance of rotors alone tells explains nothing of the gap.
         acts = reduction.material and any(np.isfinite(c.held_out_gain) for c in causes)
-        explained = f"; {_explained(diagnosis, causes, ['this'])}" * acts
+        explained = f"; {_explained(diagnosis, causes, ['this'])}" if acts else ""
         return f"Changed {since}: {listed(named)}{explained}{left_over}"
     if not reduction.material:
         return f"There is no material gap on {judges}"
@@ -296,7 +298,7 @@ def headline(diagnosis: Diagnosis) -> str:
             f"No effect explains what is left on {judges} "
             f"({probability(diagnosis.unknown_probability)}): {sizes}"
         )
-    calibrated = "with calibration, " * bool(diagnosis.calibration)
+    calibrated = "with calibration, " if diagnosis.calibration else ""
     return f"Nothing material is missing: {calibrated}the remainder on {judges} is {sizes}"
 
 
@@ -310,7 +312,7 @@ def _explained(diagnosis: Diagnosis, causes: Sequence[Cause], names: Sequence[st
     """Return the names of causes as subject, what flights contradict, the share of the gap, and
     whether the replay improves.
     """
-    names = [*names, *["calibration"] * bool(diagnosis.calibration)]
+    names = [*names, *(["calibration"] if diagnosis.calibration else [])]
     one = len(names) == 1
     share = diagnosis.gap_reduction.fraction
     judges = _judges(diagnosis)
@@ -325,7 +327,7 @@ def _explained(diagnosis: Diagnosis, causes: Sequence[Cause], names: Sequence[st
         )
     kinds = gap_kinds(diagnosis.localisation.channels)
     if grown := [p.kind for p in kinds if p.after > GROWN * max(p.before, p.noise)]:
-        text += f" and make{'s' * one} {listed(grown)} worse"
+        text += f" and make{'s' if one else ''} {listed(grown)} worse"
     return text + _replayed(diagnosis.gap_reduction)
 
 
@@ -372,7 +374,7 @@ def lead(diagnosis: Diagnosis) -> str:
             there = listed([bare_name(c.identifier) for c in diagnosis.causes if not c.changed])
             said.append(
                 f"{seen(diagnosis)} would have been seen"
-                + f"; there already before: {there}" * bool(there)
+                + (f"; there already before: {there}" if there else "")
             )
     elif causes:
         them = listed([bare_name(c.identifier) for c in causes])

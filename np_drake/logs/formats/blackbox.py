@@ -526,7 +526,7 @@ def _contents(path: Path) -> Contents:
     revision = session.settings.get("Firmware revision", "")
     count = sum(bool(MOTOR.fullmatch(name)) for name in session.names)
     other = (
-        f"a vehicle of {count} motor{'s' * (count > 1)} ({revision})"
+        f"a vehicle of {count} motor{'s' if count > 1 else ''} ({revision})"
         if 0 < count < LEAST_MOTORS
         else ""
     )

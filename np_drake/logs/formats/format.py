@@ -78,7 +78,7 @@ COUNTED = 1000.0  # least rate of an accelerometer whose samples that clip are c
 
 def shaking(level: float, most: float, name: str) -> list[str]:
     """Return the line on an IMU that shakes by more than its autopilot allows [m/s²], or none."""
-    return [f"{SAYS}the IMU shakes by more than {most:g} m/s2 ({name})"] * (level > most)
+    return [f"{SAYS}the IMU shakes by more than {most:g} m/s2 ({name})"] if level > most else []
 
 
 class Scanned(dict[str, tuple[str, ...]]):

@@ -74,7 +74,7 @@ def read(path: str | Path) -> list[FlightLog]:
             log.rotor, *missing = without_zeros(Signal(log.t, log.rotor))
             gone = np.any(missing, axis=(0, 2))
             bridged = bridged | gone
-            log.notes += [f"{DROPOUTS}: {gone.sum()} rows filled in"] * bool(gone.any())
+            log.notes += [f"{DROPOUTS}: {gone.sum()} rows filled in"] if gone.any() else []
         log.bridged = bridged if bridged.any() else None
         log.notes[:0] = [*split, *sheet.said]
         log.timing = sheet.timing

@@ -273,7 +273,7 @@ def motors(contents: Contents) -> Motors:
         if output := OUTPUTS.fullmatch(name):
             port = int(output[1])
             number = int(output[2])
-            px4 = f"actuator_outputs{f'.{port}' * (port > 0)}/output[{number - 1}]"
+            px4 = f"actuator_outputs{f'.{port}' if port > 0 else ''}/output[{number - 1}]"
             names[f"RCOU/C{16 * port + number}" if ardupilot else px4] = name
         elif speed := SPEEDS.fullmatch(name):
             names[f"ESC.{speed[1]}/RPM" if ardupilot else f"esc_status/esc[{speed[1]}].esc_rpm"] = (

@@ -210,7 +210,7 @@ class Trial:
         where it turns one of them.
         """
         turned = any(getattr(log_map, name).is_turned(name) for name in names)
-        sources = (getattr(log_map, name) for name in (*names, *["attitude"] * turned))
+        sources = (getattr(log_map, name) for name in (*names, *(["attitude"] if turned else [])))
         return tuple((repr(source), *log_map.frames(source)) for source in sources)
 
 

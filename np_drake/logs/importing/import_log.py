@@ -225,7 +225,7 @@ def sheet_content(
         "rows": f"{1 / flights[0].step:.4g} Hz; {spans}",
         "input": flights[0].input,
         "command": log_map.command,
-        "gaps": gaps + f"; split into {len(flights)} parts" * (len(flights) > 1),
+        "gaps": gaps + (f"; split into {len(flights)} parts" if len(flights) > 1 else ""),
         "notes": [
             *notes,
             *(note for part in parts for note in (*part.aligned.notes, *_ground_notes(part))),
@@ -236,7 +236,7 @@ def sheet_content(
 def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
     source = getattr(log_map, name)
     keys = ["scale", "signs", "axes", "kind", "late"]
-    keys += ["order", "direction"] * (name == "attitude" and len(source.columns) == 4)
+    keys += ["order", "direction"] if name == "attitude" and len(source.columns) == 4 else []
     usual = {**dc.asdict(Source()), "order": "", "direction": "", "late": 0.0}
     return {
         "from": list(source.columns),
@@ -542,7 +542,7 @@ def _said_by(recording: Recording, origin: float, end: float) -> list[str]:
         if origin <= t < end + AFTER:
             events.setdefault(what, []).append(t - origin)
     told = [
-        f"{what} at {times[0]:.2f} s" + f" ({len(times)} times)" * (len(times) > 1)
+        f"{what} at {times[0]:.2f} s" + (f" ({len(times)} times)" if len(times) > 1 else "")
         for what, times in events.items()
     ]
     if len(told) > MOST_SAID:
