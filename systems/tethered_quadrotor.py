@@ -29,7 +29,7 @@ from systems.plant import (
     set_vehicle_mass,
 )
 from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
-from systems.rotors import add_rotors
+from systems.rotors import RotorPorts, add_rotors
 from systems.vehicle_forces import SteadyEffects, add_vehicle_forces
 from systems.wrench_effects import ExternalForces, WrenchEffects, export_pushes
 
@@ -83,23 +83,7 @@ def make_tethered_quadrotor(
     Raises: ValueError: if a payload is among the wrench effects, events lack a cable, or a value is
         impossible.
     """  # noqa: E501
-    payload.check()
-    check_numbers("make_tethered_quadrotor: hangs_at", hangs_at, "s")
-    for event in events:
-        event.check()
-    require(
-        not events or payload.tether == "cable",
-        f"make_tethered_quadrotor: events need a payload on a cable; got {payload.tether}.",
-    )
-    require(
-        all(not isinstance(effect, SuspendedPayload) for effect in wrench_effects),
-        "make_tethered_quadrotor: suspended_payload must be a body here, not a wrench effect; "
-        "pass payload=payload_config(effect).",
-    )
-    require(
-        not payload.rope_mass or hangs_at <= 0.0,
-        f"make_tethered_quadrotor: a cable with mass must hang from the start; got {hangs_at} s.",
-    )
+    _check(payload, wrench_effects, hangs_at, events)
     builder = DiagramBuilder()
     first = acting(mass_effects, onsets, 0.0)
     plant = builder.AddSystem(make_plant(vehicle, payload, first, add_bodies=add_bodies))
@@ -139,14 +123,7 @@ def make_tethered_quadrotor(
         export_pushes(builder, external)
         forces.append(external.get_output_port())
     if pushing:
-        wrenches = WrenchEffects(vehicle, pushing, plant.num_velocities(), onsets=onsets)
-        effects = builder.AddNamedSystem("wrench_effects", wrenches)
-        builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
-        builder.Connect(rotors.thrust, effects.GetInputPort("rotor_thrust"))
-        builder.Connect(rotors.nominal_thrust, effects.GetInputPort("nominal_thrust"))
-        if rotors.rate is not None:
-            builder.Connect(rotors.rate, effects.GetInputPort("rotor_rate"))
-        forces.append(effects.get_output_port())
+        forces.append(_add_wrench_effects(builder, plant, vehicle, pushing, onsets, state, rotors))
     if cable is not None and cable is not within:
         forces.append(cable.GetOutputPort("generalized_force"))
     force = _sum_forces(builder, forces)
@@ -169,20 +146,72 @@ def make_tethered_quadrotor(
     builder.ExportOutput(rotors.thrust, "rotor_thrust")
     builder.ExportOutput(rotors.nominal_thrust, "nominal_rotor_thrust")
     builder.ExportOutput(plant.get_state_output_port(), "plant_state")
+    _export_tether(builder, plant, payload, cable)
+    diagram = builder.Build()
+    diagram.set_name("tethered_quadrotor")
+    return diagram
+
+
+def _check(
+    payload: PayloadConfig,
+    wrench_effects: Sequence[WrenchEffect],
+    hangs_at: float,
+    events: Sequence[PayloadEvent],
+) -> None:
+    """Raises: ValueError: as of `make_tethered_quadrotor`."""
+    payload.check()
+    check_numbers("make_tethered_quadrotor: hangs_at", hangs_at, "s")
+    for event in events:
+        event.check()
+    require(
+        not events or payload.tether == "cable",
+        f"make_tethered_quadrotor: events need a payload on a cable; got {payload.tether}.",
+    )
+    require(
+        all(not isinstance(effect, SuspendedPayload) for effect in wrench_effects),
+        "make_tethered_quadrotor: suspended_payload must be a body here, not a wrench effect; "
+        "pass payload=payload_config(effect).",
+    )
+    require(
+        not payload.rope_mass or hangs_at <= 0.0,
+        f"make_tethered_quadrotor: a cable with mass must hang from the start; got {hangs_at} s.",
+    )
+
+
+def _add_wrench_effects(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    vehicle: Vehicle,
+    effects: Sequence[WrenchEffect],
+    onsets: Onsets,
+    state: VehicleState,
+    rotors: RotorPorts,
+) -> OutputPort:
+    """Add effects that are evaluated one by one, and return the port of their force."""
+    wrenches = WrenchEffects(vehicle, effects, plant.num_velocities(), onsets=onsets)
+    added = builder.AddNamedSystem("wrench_effects", wrenches)
+    builder.Connect(state.get_output_port(), added.GetInputPort("x"))
+    builder.Connect(rotors.thrust, added.GetInputPort("rotor_thrust"))
+    builder.Connect(rotors.nominal_thrust, added.GetInputPort("nominal_thrust"))
+    if rotors.rate is not None:
+        builder.Connect(rotors.rate, added.GetInputPort("rotor_rate"))
+    return added.get_output_port()
+
+
+def _export_tether(
+    builder: DiagramBuilder, plant: MultibodyPlant, payload: PayloadConfig, cable: Cable | None
+) -> None:
+    """Export what a cable or rod pulls, and where the point masses of a rope are."""
     if cable is not None:
         builder.ExportOutput(cable.GetOutputPort("tether_wrench"), "tether_wrench")
         if payload.rope_mass:
             builder.ExportOutput(cable.GetOutputPort("rope"), "rope")
     elif payload.tether == "rod":
         rod = builder.AddNamedSystem("rod_wrench", RodWrench(plant, "rod"))
-        builder.Connect(
-            plant.get_reaction_forces_output_port(), rod.GetInputPort("reaction_forces")
-        )
+        forces = plant.get_reaction_forces_output_port()
+        builder.Connect(forces, rod.GetInputPort("reaction_forces"))
         builder.Connect(plant.get_body_poses_output_port(), rod.GetInputPort("body_poses"))
         builder.ExportOutput(rod.get_output_port(), "tether_wrench")
-    diagram = builder.Build()
-    diagram.set_name("tethered_quadrotor")
-    return diagram
 
 
 def _declare_events(

@@ -125,25 +125,10 @@ def add_controller(
     builder.Connect(acting, estimator.GetInputPort("u"))
     predictor: System | None = None
     if is_oracle:
-        if truth is None:
-            raise ValueError("controller: the oracle needs the real vehicle; there is none here.")
-        oracle = WrenchOracle(truth[1], config.mpc, period=period)
-        predictor = builder.AddNamedSystem("oracle", oracle)
-        connect(builder, truth[0], predictor, "plant_state", "rotor_thrust")
-        if delay is not None:
-            connect(builder, rig, predictor, "x")
+        predictor = _add_oracle(builder, config, truth, rig, is_delayed=delay is not None)
     elif model is not None or delay is not None:
         model = model or Constant(np.zeros(6), step=period, name="nominal")
-        how: dict[str, Any] = {
-            "horizon": config.mpc.horizon,
-            "stride": config.stride,
-            "vehicle": planned if delay else None,
-        }
-        if isinstance(model, NeuralPredictorModel):
-            predictor = NeuralPredictor(model, **how)
-        else:
-            predictor = ResidualPredictor(model, **how)
-        builder.AddNamedSystem("predictor", predictor)
+        predictor = _add_predictor(builder, config, model, planned if delay else None)
         connect(builder, rig, predictor, "x")
         connect(builder, estimator, predictor, "label")
         builder.Connect(acting, predictor.GetInputPort("u"))
@@ -155,6 +140,43 @@ def add_controller(
         if delay is not None:
             connect(builder, delay, predictor, "sent", "delay")
     return ports
+
+
+def _add_oracle(
+    builder: DiagramBuilder,
+    config: ControllerConfig,
+    truth: tuple[System, TrueModel] | None,
+    rig: System,
+    *,
+    is_delayed: bool,
+) -> System:
+    """Add what knows the wrench to come.
+
+    Args:
+        is_delayed: whether commands act late, so that it needs the measured state.
+    Raises: ValueError: without the real vehicle.
+    """
+    if truth is None:
+        raise ValueError("controller: the oracle needs the real vehicle; there is none here.")
+    oracle = WrenchOracle(truth[1], config.mpc, period=config.period)
+    builder.AddNamedSystem("oracle", oracle)
+    connect(builder, truth[0], oracle, "plant_state", "rotor_thrust")
+    if is_delayed:
+        connect(builder, rig, oracle, "x")
+    return oracle
+
+
+def _add_predictor(
+    builder: DiagramBuilder, config: ControllerConfig, model: ResidualModel, vehicle: Vehicle | None
+) -> System:
+    """Add the LeafSystem of a residual model.
+
+    Args:
+        vehicle: that a forecast along a plan assumes; None: commands act at once.
+    """
+    kind: Any = NeuralPredictor if isinstance(model, NeuralPredictorModel) else ResidualPredictor
+    predictor = kind(model, horizon=config.mpc.horizon, stride=config.stride, vehicle=vehicle)
+    return builder.AddNamedSystem("predictor", predictor)
 
 
 def _delay_filter(
