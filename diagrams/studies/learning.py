@@ -121,15 +121,17 @@ def train_network_on_envelope(
     """Return the network of a simulated vehicle, and its loss now and then.
 
     A first network learns from the training circle and `count` drawn flights of common controllers,
-    the second one from these and as many that the first has flown.
+    the second one from these and as many that the first has flown,
+    in twice as many steps.
     """
     circle = fly(load_experiment(TRAINING, vehicle), seed=run.seed)
     step = circle.config.controller.period
     flights = [Flight(scored_log(circle), vehicle)]
-    config = make_config(NEURAL_LPV, seed=run.seed, epochs=epochs)
+    config: Any = make_config(NEURAL_LPV, seed=run.seed, epochs=epochs)
     with tempfile.TemporaryDirectory() as folder:
         first = Path(folder) / "first.safetensors"
-        for begin, network in ((0, ""), (count, str(first))):
+        rounds = ((0, "", config.epochs // 2), (count, str(first), config.epochs))
+        for begin, network, steps in rounds:
             work = partial(drawn_log, seed=run.seed, vehicle=vehicle, network=network)
             logs = dict[int, FlightLog]()
             with run.bar("flying the envelope", count) as advance:
@@ -143,7 +145,7 @@ def train_network_on_envelope(
             with run.bar("training the network", 1.0) as advance:
                 result = train_on_flights(
                     flights,
-                    config,
+                    dc.replace(config, epochs=steps),
                     step=step,
                     on_epoch=lambda done, total, loss: advance(done / total, f"loss {loss:.4g}"),
                 )
