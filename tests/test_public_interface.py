@@ -31,9 +31,8 @@ def test_an_unknown_name_is_refused_with_those_there_are(package):
 
 def test_a_type_checker_knows_every_public_name():
     known = [f"{package}.{name}" for package in PACKAGES for name in import_module(package).__all__]
-    imports = [f"import {package}" for package in PACKAGES]
     asked = ["reveal_type(np_drake.diagnose)", "from np_drake import nope"]
-    code = "\n".join([*imports, *known, *asked])
+    code = "\n".join([*(f"import {package}" for package in PACKAGES), *known, *asked])
     out, _, status = api.run(["--config-file=", "--follow-imports=silent", "-c", code])
     assert status == 1
     assert 'has no attribute "nope"' in out

@@ -132,6 +132,10 @@ def train(
         name in (PAYLOAD_FILTER, NEURAL_LPV) or not envelope,
         f"--envelope: must be of {PAYLOAD_FILTER} or {NEURAL_LPV}; got {name}.",
     )
+    require(
+        bool(logs) or step is None,
+        "--step: must be left out where --envelope alone teaches; it takes the vehicle's period.",
+    )
     flown = flights[0].vehicle if flights else load_vehicle(vehicle) if vehicle else Vehicle()
     step = step or sampling_period(flown)
     start = time.perf_counter()

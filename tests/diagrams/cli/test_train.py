@@ -92,12 +92,12 @@ def test_a_log_tells_a_network_its_vehicle_alone(flown, tmp_path, capsys):
     assert "neural-lpv needs wrenches in world axes" in capsys.readouterr().err
 
 
-def test_only_two_configurations_learn_from_the_envelope(tmp_path, capsys):
-    words = ["train", "--envelope", "2", "--configuration", "paper", "--out"]
-    assert run([*words, str(tmp_path / "np.safetensors")]) == 2
-    assert (
-        "--envelope: must be of payload_filter or neural-lpv; got paper" in capsys.readouterr().err
-    )
+def test_what_does_not_suit_the_envelope_is_refused(tmp_path, capsys):
+    words = ["train", "--envelope", "2", "--out", str(tmp_path / "np.safetensors")]
+    assert run([*words, "--configuration", "paper"]) == 2
+    assert "must be of payload_filter or neural-lpv; got paper" in capsys.readouterr().err
+    assert run([*words, "--step", "0.01"]) == 2
+    assert "--step: must be left out" in capsys.readouterr().err
 
 
 @pytest.mark.nightly
