@@ -8,14 +8,14 @@ from unittest import mock
 import numpy as np
 
 import np_drake.diagnosis
-from diagrams.challenge.draw import draw_effect
+from diagrams.evidence.challenge.case import draw_effect
 from diagrams.exports.formats import FORMATS
 from diagrams.gap.corrected import FILE, corrected_simulator, write_corrected
 from diagrams.loop.flight import FlightConfig, load_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.report.page import PAGE, write_report
+from np_drake.diagnosis.report.diagnosis_page import PAGE, write_report
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS, NUISANCES, SIMULATED
 from np_drake.references.config import ReferenceConfig

@@ -35,8 +35,7 @@ GROUND = (
 )
 EXPERIMENTS = (
     *("batch", "loop"),
-    *("studies", "gap", "demo", "challenge", "identification", "certify", "exports"),
-    *("autopilot", "cli"),
+    *("gap", "identification", "certify", "exports", "autopilot", "evidence", "demo", "cli"),
 )
 MOST_IMPORTS = 10  # of modules of the diagnosis by one of them; `diagnose` strings them together
 SIMULATOR = ("pydrake.systems", "pydrake.multibody", "pydrake.geometry", "pydrake.visualization")
@@ -102,7 +101,7 @@ def test_imports_run_downwards():
         ("np_drake/x.py", "from pydrake.systems.framework import LeafSystem"),
         ("np_drake/x.py", "from pydrake import multibody"),
         ("np_drake/x.py", "from . import y"),
-        ("systems/x.py", "from diagrams.studies.tracking import run"),
+        ("systems/x.py", "from diagrams.evidence.studies.tracking import run"),
         ("systems/x.py", "from pydrake.all import *"),
         ("diagrams/x.py", "import pydrake.all"),
     ],

@@ -3,7 +3,7 @@ options.
 
 A study knows neither console nor files of its report. Called from Python it is silent:
 
-    from diagrams.studies import tracking
+    from diagrams.evidence.studies import tracking
     report = tracking.run(Run(seed=1000), seeds=3)
 
 `np-drake reproduce` gives it a progress bar, prints the tables and writes what was asked for.

@@ -3,6 +3,6 @@ bound of how often they fail.
 """
 
 from diagrams.certify.certificate import Bound, Certificate, certify
-from diagrams.certify.draws import Range, drawn_flight
+from diagrams.certify.ranges import Range, drawn_flight
 
 __all__ = ["Bound", "Certificate", "Range", "certify", "drawn_flight"]

@@ -20,7 +20,7 @@ import yaml
 from scipy import special, stats
 
 from diagrams.batch.run import Case, Run, every_result, make_folder, require
-from diagrams.certify.draws import Range, drawn_flight, with_value
+from diagrams.certify.ranges import Range, drawn_flight, with_value
 from diagrams.gap.corrected import stated
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig

@@ -8,11 +8,11 @@ from typer import Option
 
 from diagrams.certify.certificate import YES, Certificate
 from diagrams.certify.certificate import certify as certificate_of
-from diagrams.certify.draws import Range
+from diagrams.certify.ranges import Range
 from diagrams.cli.fly import Experiment, Fields, Predictor, scenarios
 from diagrams.cli.verb import OUT_OF_CASES, Report, Run, Table, VehicleFile, reports, say
+from diagrams.evidence.studies.options import Reality, tabulate
 from diagrams.loop.experiments import settings_of
-from diagrams.studies.options import Reality, tabulate
 from np_drake.files.number_text import measure, percent
 
 

@@ -9,11 +9,11 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 from diagrams.batch.run import require
-from diagrams.challenge.answers import case_folders, read_answered_cases, solve
-from diagrams.challenge.make import check_request, make
-from diagrams.challenge.score import score
-from diagrams.challenge.score_tables import calibration_figure, missed, set_lines, tables
 from diagrams.cli.verb import OUT, Report, Run, Verbs, reports, say
+from diagrams.evidence.challenge.answers import case_folders, read_answered_cases, solve
+from diagrams.evidence.challenge.make import check_request, make
+from diagrams.evidence.challenge.score import score
+from diagrams.evidence.challenge.score_tables import calibration_figure, missed, set_lines, tables
 
 challenge = Verbs(help="Withheld-effect challenge sets.", add_completion=False)
 

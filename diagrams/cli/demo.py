@@ -6,8 +6,8 @@ from pathlib import Path
 
 from diagrams.cli.fly import flights_table
 from diagrams.cli.verb import Jobs, Report, Run, Table, progress, reports, say
+from diagrams.evidence.studies.options import DEFAULT_SOLVER, Solver, percent, tabulate
 from diagrams.loop.experiments import settings_of
-from diagrams.studies.options import DEFAULT_SOLVER, Solver, percent, tabulate
 from np_drake.mpc.solvers import require_solver
 
 
@@ -23,7 +23,7 @@ def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
     them: index.html.
     """
     require_solver(solver)
-    from diagrams.demo.page import cause_rows, meeting_rows, write_demo
+    from diagrams.demo.demo_page import cause_rows, meeting_rows, write_demo
     from diagrams.demo.story import HELD_OUT, run_demo
 
     start = time.perf_counter()
@@ -62,7 +62,7 @@ def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
 
 
 def _reduction_table(cuts: Mapping[str, dict[str, float]]) -> Table:
-    from diagrams.studies.tracking import PAPER
+    from diagrams.evidence.studies.tracking import PAPER
 
     lines = []
     for track, cut in cuts.items():

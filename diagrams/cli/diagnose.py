@@ -10,12 +10,12 @@ from typer import Argument, Option
 
 from diagrams.batch.run import part_of, require
 from diagrams.cli.verb import LogMap, Report, Run, Table, progress, reports, say, tell
-from diagrams.studies.options import tabulate
+from diagrams.evidence.studies.options import tabulate
 from np_drake.diagnosis.diagnose import diagnose as five_steps
 from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport, examine
 from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.page import write_report
+from np_drake.diagnosis.report.diagnosis_page import write_report
 from np_drake.diagnosis.residuals import require_flights
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.files.number_text import measure, number, percent, with_unit

@@ -21,6 +21,7 @@ from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import LinkedFlight
 from diagrams.batch.run import FailedRun, part_of, require
 from diagrams.cli.verb import OUT, Report, Run, Table, VehicleFile, progress, reports, say, tell
+from diagrams.evidence.studies.options import DEFAULT_SOLVER, Reality
 from diagrams.loop import comparison
 from diagrams.loop.controller_config import LEARNED
 from diagrams.loop.controllers import kind_of_model, make_residual_model
@@ -39,7 +40,6 @@ from diagrams.loop.flight_result import fly as simulate
 from diagrams.loop.mcap_flight import require_mcap, write_flight_mcap
 from diagrams.loop.own_controller import is_own
 from diagrams.loop.replay import write_replay
-from diagrams.studies.options import DEFAULT_SOLVER, Reality
 from np_drake.autopilot.betaflight import find_firmware
 from np_drake.autopilot.mavlink import MavlinkLink
 from np_drake.command_delay import LONGEST_DELAY

@@ -25,7 +25,8 @@ from diagrams.cli.verb import (
     say,
     write_metrics,
 )
-from diagrams.identification.page import (
+from diagrams.evidence.studies.options import tabulate
+from diagrams.identification.identification_page import (
     agreement,
     change,
     half_width,
@@ -34,7 +35,6 @@ from diagrams.identification.page import (
     summary,
     write_page,
 )
-from diagrams.studies.options import tabulate
 from np_drake.files.file_access import plain
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values

@@ -26,7 +26,7 @@ from diagrams.cli.verb import (
     say,
     tell,
 )
-from diagrams.studies.options import tabulate
+from diagrams.evidence.studies.options import tabulate
 
 VERB = "reproduce"
 
@@ -146,9 +146,9 @@ def bench(
             "OMP_NUM_THREADS is not 1: small matrices run two to three times slower on "
             "several threads."
         )
-    from diagrams.studies import bench as measure
-    from diagrams.studies.sweep import Row, train_row
-    from diagrams.studies.tracking import DITHERED
+    from diagrams.evidence.studies import bench as measure
+    from diagrams.evidence.studies.sweep import Row, train_row
+    from diagrams.evidence.studies.tracking import DITHERED
 
     with progress("training, recording problems", 1.0) as advance:
         paper = run.folder / "paper.safetensors"

@@ -7,7 +7,7 @@ of your own logs, call `answer` alone.
 
 from pathlib import Path
 
-from diagrams.challenge.make import make
+from diagrams.evidence.challenge.make import make
 from diagrams.gap.drake_replay import DrakeReplay
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis

@@ -21,7 +21,7 @@ from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import FREEDOM, SPREAD, SURE, Priors, Tolerance
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
-from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
+from np_drake.diagnosis.regressors.library_regressors import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Difference
 from np_drake.effects import (

@@ -22,9 +22,9 @@ from typing import Any
 import pytest
 from joblib import Parallel, delayed
 
-from diagrams.challenge.answers import diagnose_folder
-from diagrams.challenge.draw import CLEAN, CaseDraw, case_name
-from diagrams.challenge.make import Making, write_case
+from diagrams.evidence.challenge.answers import diagnose_folder
+from diagrams.evidence.challenge.case import CLEAN, CaseDraw, case_name
+from diagrams.evidence.challenge.make import Making, write_case
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.files.file_access import write_text
 from np_drake.logs.formats.neurobem import published_vehicle

@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import pytest
 
-from diagrams.certify import coverage
+from diagrams.evidence import coverage
 from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_result import fly
 from np_drake.files.yaml_file import filled

@@ -1,7 +1,7 @@
 """Regressors of the linear model: library effects, generic structure, nuisance parameters."""
 
 from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
-from np_drake.diagnosis.regressors.library import (
+from np_drake.diagnosis.regressors.library_regressors import (
     DRAG,
     GUSTY,
     LINEAR,

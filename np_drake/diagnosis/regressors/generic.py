@@ -13,7 +13,7 @@ import scipy
 
 from np_drake import attitude
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors.library import Candidate
+from np_drake.diagnosis.regressors.library_regressors import Candidate
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import arm
 from np_drake.rigid_body import P, V

@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.numerics import Gram, NoiseModel, places
 from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.regressors.library import LINEAR, Candidate
+from np_drake.diagnosis.regressors.library_regressors import LINEAR, Candidate
 from np_drake.diagnosis.residuals import SIZE, FlightResiduals
 from np_drake.effects.library import LIBRARY, effect_of
 

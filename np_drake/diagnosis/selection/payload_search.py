@@ -29,7 +29,7 @@ from np_drake.diagnosis.forward_model import (
 from np_drake.diagnosis.numerics import Gram, NoiseModel, places
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import PAYLOAD, Candidate, Onset
-from np_drake.diagnosis.regressors.library import Mended
+from np_drake.diagnosis.regressors.library_regressors import Mended
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, bridge
 from np_drake.diagnosis.swing_fit import SMALL, WIDEST
 from np_drake.effects import SuspendedPayload

@@ -28,7 +28,7 @@ from np_drake.logs.formats.format import (
     by_stream,
     no_progress,
 )
-from np_drake.logs.formats.library import format_of
+from np_drake.logs.formats.known_formats import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
 from np_drake.logs.importing.alignment import in_frames
 from np_drake.logs.importing.breaks import (

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from diagrams.batch.run import Run, Workers
-from diagrams.certify import Bound, Range, certificate, certify, coverage
+from diagrams.certify import Bound, Range, certificate, certify
 from diagrams.certify.certificate import chosen_part
 from diagrams.cli.certify import sentence, tables
 from diagrams.cli.main import run as command_line
+from diagrams.evidence import coverage
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_result import fly

@@ -9,7 +9,7 @@ import pytest
 from diagrams.batch.run import Run
 from diagrams.cli.main import run
 from diagrams.cli.reproduce import STUDIES
-from diagrams.studies import tracking as payload
+from diagrams.evidence.studies import tracking as payload
 
 ROOT = Path(__file__).parents[3]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

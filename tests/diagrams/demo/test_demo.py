@@ -6,9 +6,10 @@ import json
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.demo import page, story
+from diagrams.demo import demo_page as page
+from diagrams.demo import story
+from diagrams.evidence.studies import sweep, tracking
 from diagrams.loop.experiments import load_experiment
-from diagrams.studies import sweep, tracking
 
 DIAGNOSED = 20.0  # of a flight that is diagnosed, so that as much is seen as in the demo itself [s]
 OTHERS = 8.0  # of any other flight [s]

@@ -1,7 +1,7 @@
 import json
 
-from diagrams.challenge.out_of_library import HOLDOUT
 from diagrams.cli.main import run
+from diagrams.evidence.challenge.out_of_library import HOLDOUT
 
 
 def test_make_writes_a_set_and_its_figures(tmp_path, in_this_process):

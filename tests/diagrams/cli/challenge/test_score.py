@@ -5,7 +5,7 @@ import json
 import pytest
 
 from diagrams.cli.main import run
-from tests.diagrams.challenge import hand_made as by_hand
+from tests.diagrams.evidence.challenge import hand_made as by_hand
 
 MASS = {"effect": "mass_error", "parameters": {"delta_mass": 0.2}}
 TRUTH = by_hand.make_truth(MASS, seed=11)

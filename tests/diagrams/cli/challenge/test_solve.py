@@ -5,9 +5,9 @@ import shutil
 
 import pytest
 
-from diagrams.challenge import answers as module
 from diagrams.cli.main import run
-from tests.diagrams.challenge import hand_made as by_hand
+from diagrams.evidence.challenge import answers as module
+from tests.diagrams.evidence.challenge import hand_made as by_hand
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from np_drake.diagnosis.deviation import columns_of, file_deviations
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import SPREAD, Options, Priors, Tolerance
 from np_drake.diagnosis.regressors import library_candidates, with_input
-from np_drake.diagnosis.regressors.library import THROTTLE_SCALE, command_timing
+from np_drake.diagnosis.regressors.library_regressors import THROTTLE_SCALE, command_timing
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.inertia_error import InertiaError

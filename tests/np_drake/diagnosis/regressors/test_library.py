@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import library_candidates, wind_candidates
-from np_drake.diagnosis.regressors.library import _not_negative, with_input
+from np_drake.diagnosis.regressors.library_regressors import _not_negative, with_input
 from np_drake.effects.base import correlation_root
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag

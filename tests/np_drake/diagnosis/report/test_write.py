@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from np_drake.diagnosis.report.page import figures, write_report
+from np_drake.diagnosis.report.diagnosis_page import figures, write_report
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rotor_layout import rotor_names
 

@@ -6,7 +6,7 @@ import pytest
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import RegressionProblem, switched
-from np_drake.diagnosis.regressors.library import _effect_candidates
+from np_drake.diagnosis.regressors.library_regressors import _effect_candidates
 from np_drake.diagnosis.selection.change_point import (
     OnsetScan,
     changing_payloads,

@@ -10,7 +10,7 @@ import pytest
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.format import Stream
-from np_drake.logs.formats.library import format_of
+from np_drake.logs.formats.known_formats import format_of
 from np_drake.logs.importing.import_log import import_log
 from tests.np_drake.logs.formats import crazyflie_writer
 from tests.np_drake.logs.formats.made_files import read

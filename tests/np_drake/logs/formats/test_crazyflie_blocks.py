@@ -14,7 +14,7 @@ from np_drake import attitude
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.format import no_progress
-from np_drake.logs.formats.library import format_of
+from np_drake.logs.formats.known_formats import format_of
 
 NAMES = ("tick(I)", "stateEstimateZ.x(h)", "stateEstimateZ.quat(I)", "pm.vbatMV(H)")
 RECORD = struct.Struct("<IhIH")

@@ -9,7 +9,7 @@ import pytest
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.dataflash import DATAFLASH
 from np_drake.logs.formats.format import Stream, find_column
-from np_drake.logs.formats.library import format_of
+from np_drake.logs.formats.known_formats import format_of
 from tests.np_drake.logs.formats import dataflash_writer, made_files
 from tests.np_drake.logs.formats.made_files import assert_holds
 

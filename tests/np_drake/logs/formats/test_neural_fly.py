@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.logs.formats.format import Stream
-from np_drake.logs.formats.library import format_of
+from np_drake.logs.formats.known_formats import format_of
 from np_drake.logs.formats.table import NEURAL_FLY
 from np_drake.logs.importing.import_log import import_log
 from tests.np_drake.logs.formats.neural_fly_writer import write as write_neural_fly

@@ -10,7 +10,7 @@ import pytest
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream, find_column
-from np_drake.logs.formats.library import format_of
+from np_drake.logs.formats.known_formats import format_of
 from np_drake.logs.formats.ros import IMU, ODOMETRY, ROS, STAMPED_POSE, WRENCH
 
 pytest.importorskip("rosbags")

@@ -11,7 +11,7 @@ from np_drake.logs.columns import NAMES
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import text_table
 from np_drake.logs.formats.format import Stream
-from np_drake.logs.formats.library import format_of
+from np_drake.logs.formats.known_formats import format_of
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.formats.table import TABLE
 from tests.np_drake.logs.formats.table_writer import write as write_table

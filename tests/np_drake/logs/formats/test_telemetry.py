@@ -7,7 +7,7 @@ pytest.importorskip("pymavlink", reason="MAVLink logs need pymavlink")
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import no_progress
-from np_drake.logs.formats.library import format_of
+from np_drake.logs.formats.known_formats import format_of
 from np_drake.logs.formats.telemetry import TELEMETRY
 from np_drake.logs.importing.import_log import import_log
 from tests.np_drake.diagnosis import simulated_flights

@@ -11,7 +11,7 @@ pytest.importorskip("pyulog", reason="ULog needs pyulog")
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream
-from np_drake.logs.formats.library import format_of
+from np_drake.logs.formats.known_formats import format_of
 from np_drake.logs.formats.ulog import ULOG
 from np_drake.logs.importing.import_log import import_log
 from tests.np_drake.logs.formats import ulog_writer as writer

@@ -1,0 +1,1 @@
+"""The evidence: challenge sets, real flights, studies of the paper and of the docs."""

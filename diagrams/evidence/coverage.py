@@ -1,0 +1,254 @@
+"""Study `coverage`: whether certificates hold. Simulated vehicles are identified and diagnosed from
+three logs each, certified, and flown as they truly are.
+"""
+
+import dataclasses as dc
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+from typer import Option
+
+from diagrams.batch.run import Case, Report, Run, failures, results
+from diagrams.certify.certificate import Certificate, certify, fly_draws, scenario_content
+from diagrams.certify.ranges import Range
+from diagrams.evidence.simulated_vehicles import draw_and_fly
+from diagrams.evidence.studies.options import Column, fixed, percent, tabulate
+from diagrams.gap.corrected import corrected_simulator
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import FlightConfig, default_flight
+from diagrams.loop.flight_result import fly
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.effects.disturbance import DisturbanceConfig
+from np_drake.effects.effect_entry import EffectEntry, Posterior
+from np_drake.files.yaml_file import filled
+from np_drake.identification.identified_vehicle import identified_vehicle
+from np_drake.identification.identify import identify
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import usual_rate_loop
+from np_drake.vehicle.sources import SURE
+
+# that are logged, and their length [s]
+FLIGHTS = 3
+SECONDS = 30.0
+PAYLOAD = (0.02, 0.3)  # over the mass of the vehicle [1]
+SPEED = (0.6, 2.0)  # over that of the scaled circle [1]
+CORRIDOR = 0.12  # over the radius of the circle [1]
+SCORED = 4.0  # of a flight of the paper's vehicle, after its ramp [s]
+CLOSE = 0.2  # of a prediction [1]
+WIDE = 0.2  # half of a naive interval over its value [1]
+# of a certificate
+LIMIT = 0.05
+CELLS = 4
+LOGGED = 20.0  # of a flight under firmware, after its ramp [s]
+TRACKS = ("multisine", "training_circle", "circle")  # of those flights
+ROWS = ("certificate", "mean vehicle", "vehicle file ± 20 %")
+
+
+def known(case: Case) -> dict[str, Any]:
+    """Return, of the vehicle of a case {"seed"}, the scenario that its logs describe and the one
+    that is true.
+    """
+    truth, logs, _ = draw_and_fly(case["seed"], "throttle", FLIGHTS, SECONDS)
+    mass = truth.vehicle.mass
+    battery = truth.throttle.voltage
+    vehicle = identified_vehicle(identify(logs, truth.known, mass=mass), "identified")
+    answer = diagnose(vehicle, logs[:-1], logs[-1:])
+    config = corrected_simulator(answer, vehicle)
+    default = default_flight(vehicle)
+    found = config.reality  # in which a payload may hang as a cause
+    payload = default.reality.payload if found.hung.tether == "none" else found.payload
+    told = dc.replace(
+        config,
+        duration=SCORED * default.duration / FlightConfig().duration,
+        reality=dc.replace(found, payload=payload),
+        controller=dc.replace(config.controller, kind="hold"),
+    )
+    hover = truth.throttle.throttle(0.25 * mass * vehicle.gravity, battery)
+    assert vehicle.throttle is not None
+    thrust = truth.throttle.thrust(hover, battery) / vehicle.throttle.thrust(hover, battery)
+    true = dc.replace(
+        told,
+        vehicle=truth.vehicle,
+        controller=dc.replace(told.controller, vehicle=vehicle),
+        reality=dc.replace(
+            told.reality,
+            effects=[EffectEntry.of(effect) for effect in (truth.drag, truth.flapping, truth.lift)],
+            payload=default.reality.payload,
+            thrust_scale=float(thrust),
+            posterior=Posterior(),
+            disturbance=DisturbanceConfig(),
+        ),
+    )
+    contents = {"told": scenario_content(told), "true": scenario_content(true)}
+    return {**contents, "verdict": list(answer.verdict)}
+
+
+def known_by_firmware(case: Case) -> dict[str, Any]:
+    """Return, of the paper's vehicle under Betaflight in a case {"seed"}, the scenario with the
+    rate loop that its logs describe, and the one with its firmware.
+    """
+    base = Vehicle()
+    base = dc.replace(base, rate_loop=usual_rate_loop(base))
+
+    def scenario(track: str, kind: str, vehicle: Vehicle, duration: float) -> FlightConfig:
+        config = load_experiment(track, vehicle)
+        controller = dc.replace(config.controller, kind="hold")
+        return dc.replace(config, duration=duration, controller=controller).with_autopilot(kind)
+
+    logs = [
+        dc.replace(fly(scenario(track, "betaflight", base, LOGGED), seed=k).log(), name=track)
+        for k, track in enumerate(TRACKS, start=len(TRACKS) * case["seed"])
+    ]
+    found = identified_vehicle(identify(logs, base, mass=base.mass), "identified")
+    true = scenario("circle", "betaflight", base, SCORED)
+    true.controller.vehicle = found
+    told = scenario("circle", "rate_loop", found, SCORED)
+    return {"told": scenario_content(told), "true": scenario_content(true)}
+
+
+def in_band(told: pd.DataFrame, seen: pd.DataFrame) -> float:
+    """Return the share of flights whose error E_xy is in the 95 % band that told flights give for
+    their place [1]; NaN without any.
+
+    The logarithm of the error is quadratic in the place, by least squares, with the prediction
+    interval of that; lost flights are in no band.
+    """
+
+    def terms(flights: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+        place = np.array(flights["shares"].tolist())
+        columns = (np.ones(len(place)), place, place**2, place.prod(axis=1))
+        return np.column_stack(columns), np.log(flights["E_xy"].astype(float).to_numpy())
+
+    if not len(seen):
+        return np.nan
+    A, a = terms(told[told["E_xy"].notna()])
+    B, b = terms(seen)
+    P = np.linalg.pinv(A)
+    within = SURE * (a - A @ P @ a).std(ddof=A.shape[1]) * np.sqrt(1 + np.sum((B @ P) ** 2, axis=1))
+    return float((np.abs(b - B @ P @ a) <= within).mean())
+
+
+def without_spread(config: FlightConfig) -> FlightConfig:
+    """Return the scenario of the mean vehicle, of which nothing is drawn."""
+    vehicle = dc.replace(
+        config.vehicle, intervals={}, mass_uncertainty=None, thrust_uncertainty=None
+    )
+    return dc.replace(
+        config, vehicle=vehicle, reality=dc.replace(config.reality, posterior=Posterior())
+    )
+
+
+def with_plain_spread(config: FlightConfig) -> FlightConfig:
+    """Return the vehicle alone, whose mass, thrust and inertia are known to 20 %."""
+    plain = without_spread(config)
+    inertia = [
+        [one - WIDE * abs(one), one + WIDE * abs(one)] for one in np.ravel(plain.vehicle.inertia)
+    ]
+    vehicle = dc.replace(
+        plain.vehicle,
+        intervals={"inertia": inertia},
+        mass_uncertainty=WIDE / 2,
+        thrust_uncertainty=WIDE / 2,
+    )
+    reality = dc.replace(plain.reality, effects=[], disturbance=DisturbanceConfig())
+    return dc.replace(plain, vehicle=vehicle.check(), reality=reality)
+
+
+def judged(found: Certificate, true: pd.DataFrame) -> dict[str, Any]:
+    """Return whether a certificate holds for flights of the vehicle as it truly is, evenly drawn
+    over the map: failures in its part within the bound, largest deviation as predicted; None where
+    no part was chosen.
+    """
+    shares = np.array(true["shares"].tolist())
+    cell = np.minimum((shares * found.part.shape).astype(int), np.array(found.part.shape) - 1)
+    own = true[found.part[cell[:, 0], cell[:, 1]]]
+    bound = found.bound()
+    flown = len(own)
+    failed = int(own["failed"].sum())
+    seen = float(own["peak"].astype(float).fillna(np.inf).quantile(0.95)) if flown else np.nan
+    said = found.quantile("peak", 0.95)
+    return {
+        "part": float(found.part.mean()),
+        "some": bool(found.part.any()),
+        "flown": flown,
+        "failed": failed,
+        "upper": bound.upper,
+        "peak_said": said,
+        "peak_seen": seen,
+        "peak_close": bool(abs(said - seen) <= CLOSE * seen) if flown else None,
+        "band": in_band(found.flights, own),
+        "covered": failed <= bound.upper * flown if flown else None,
+    }
+
+
+COLUMNS: tuple[Column, ...] = (
+    ("drawn from", "row"),
+    ("vehicles", "vehicles"),
+    ("bound holds", percent("covered")),
+    ("some", percent("some")),
+    ("part", percent("part")),
+    ("peak within 20 %", percent("peak_close")),
+    ("E_xy in band", percent("band")),
+    ("peak said / seen", fixed("peak_ratio", 2)),
+    ("failed", percent("rate", 1)),
+)
+
+
+def run(
+    run: Run,
+    vehicles: Annotated[int, Option(min=1, max=10_000, help="Simulated vehicles.")] = 20,
+    flights: Annotated[int, Option(min=20, max=100_000, help="Flights of a certificate.")] = 120,
+    true: Annotated[int, Option(min=20, max=100_000, help="Flights as it truly is.")] = 150,
+    firmware: Annotated[bool, Option(help="Of the paper's vehicle under Betaflight.")] = False,
+) -> Report:
+    """Certificates of simulated vehicles, from their own logs. Beside naive draws; then flown."""
+    cases = [{"seed": run.seed + number} for number in range(vehicles)]
+    settings = {
+        "flights": FLIGHTS,
+        "seconds": SECONDS,
+        "input": "firmware" if firmware else "throttle",
+    }
+    work = known_by_firmware if firmware else known
+    prepared = run.cases("identified and diagnosed", "vehicles", work, cases, config=settings)
+    results(prepared)
+    lines = []
+    for record in (record for record in prepared if "result" in record):
+        told, real = (filled(FlightConfig(), record["result"][of]) for of in ("told", "true"))
+        speed = told.reference.speed
+        over = (
+            Range("payload", *(share * told.vehicle.mass for share in PAYLOAD)),
+            Range("speed", *(share * speed for share in SPEED)),
+        )
+        how: dict[str, Any] = {"within": CORRIDOR * told.reference.radius, "cells": CELLS}
+        own = dc.replace(run, seed=record["case"]["seed"])
+        flown = fly_draws(real, over, true, within=how["within"], run=own)
+        made = (told, without_spread(told), with_plain_spread(told))
+        for row, config in zip(ROWS, made, strict=True):
+            found = certify(config, over, flights=flights, limit=LIMIT, run=own, **how)
+            lines.append({"row": row, "seed": own.seed, **judged(found, flown)})
+    table = summary(pd.DataFrame(lines))
+    title = f"{flights} flights a certificate, 95 % sure; {true} of each vehicle as it is; seeds "
+    return Report(
+        [tabulate(f"{title}{run.seed} … {run.seed + vehicles - 1}", table, COLUMNS)],
+        config=settings | {"certificate": flights, "true": true},
+        metrics={"table": table, "runs": lines},
+        notes=failures(prepared),
+    )
+
+
+def summary(lines: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return a line for every way of drawing: shares of the vehicles whose certificate holds."""
+    table = []
+    for row, own in lines.groupby("row", sort=False):
+        shares = own[["covered", "some", "part", "peak_close", "band"]].astype(float).mean()
+        table.append(
+            {
+                "row": row,
+                "vehicles": len(own),
+                **shares.to_dict(),
+                "peak_ratio": float((own["peak_said"] / own["peak_seen"]).median()),
+                "rate": float(own["failed"].sum() / own["flown"].sum()),
+            }
+        )
+    return table

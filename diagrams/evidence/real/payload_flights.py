@@ -1,0 +1,372 @@
+"""Study `payload-flights`: forecasts of the residual wrench on real flights with a payload, one
+manoeuvre left out.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
+from typer import Option
+
+from diagrams.batch.run import Report, Run, every_result, require
+from diagrams.evidence.challenge.score_tables import table
+from diagrams.evidence.real.campaigns import block_name, campaign_of, numbered_blocks
+from diagrams.evidence.studies.options import REAL_FLIGHTS, RealFlights, chosen, required
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
+from np_drake import rigid_body
+from np_drake.flight_log import FlightLog
+from np_drake.labels import LabelConfig, ReadsLabels, labels, raw_labels
+from np_drake.lifting.model.lifted_model import PAPER, load_model
+from np_drake.lifting.training.neural_lpv import fine_tuned
+from np_drake.lifting.training.train import make_config, train
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
+from np_drake.payload_filter.predictor import PayloadFilter
+from np_drake.payload_filter.training import train_payload_filter
+from np_drake.residual_model import Memory, ResidualModel, Sample, WrenchForecast, constant_forecast
+from np_drake.residual_models.flight_forecasts import MOTIONS, flight_forecasts
+from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.motion_model import GP, MotionModel, fit_gaussian_process
+from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.predictor_training import fitted_lpv
+from np_drake.rotor_input import acting_command
+from np_drake.training_data.accelerations import with_accelerations
+from np_drake.training_data.segments import Flight, SampledFlight, Segment, check_segments
+from np_drake.vehicle import Vehicle
+
+Opened = tuple[FlightLog, Vehicle]
+PERSISTENCE = "persistence"
+STEP = 0.02  # between samples, over which labels are averaged [s]
+HORIZONS = (1, 5, 10, 20, 30, 40, 50)  # [steps]
+HISTORY = 30  # labels that every window holds, and before the first origin [steps]
+KINDS = {"lateral force": slice(0, 2), "force": slice(0, 3), "torque": slice(3, 6)}  # of chi
+EPOCHS = 600  # gradient steps on real flights; own choice
+DRAWS = 2000  # of the flights, for the interval [1]
+
+
+def sampled_flight(
+    log: FlightLog, vehicle: Vehicle, label: LabelConfig | None = None
+) -> SampledFlight:
+    """Return the flight with labels of eq. (1) averaged over each step, which uses nothing later
+    than the sample.
+
+    Accelerations that the log lacks are differentiated first, see `with_accelerations`.
+
+    Raises: ValueError: if the log's own step is longer, or the flight shorter than the history.
+    """
+    log = with_accelerations(log)
+    t = log.t - log.t[0]
+    count = int(t[-1] / STEP + 1e-6) + 1
+    require(
+        0.999 * log.step < STEP and count > HISTORY + 1,
+        f"{log.name}: must have a row every {STEP:g} s and last {STEP * (HISTORY + 2):g} s; "
+        f"got {log.step:.4g} s and {t[-1]:.3g} s.",
+    )
+    # row of time t belongs to the sample that ends its step
+    bins = np.ceil(t / STEP - 1e-6).astype(int)
+    last = np.searchsorted(t, STEP * np.arange(count) + 1e-6 * STEP, side="right") - 1
+    chi = _means(raw_labels(log, vehicle), bins, count)
+    u = _held(_means(acting_command(log, vehicle), bins, count))
+    if label is not None:
+        chi = np.where(np.isfinite(chi), labels(log, vehicle, label)[last], np.nan)
+    return SampledFlight(STEP, log.x[last], u, chi, log.name)
+
+
+def _means(values: np.ndarray, bins: np.ndarray, count: int) -> np.ndarray:
+    """Return the mean of the finite rows of each bin, (count, c); NaN where it has none."""
+    good = np.isfinite(values).all(axis=1) & (bins < count)
+    size = np.bincount(bins[good], minlength=count).astype(float)
+    size[size == 0] = np.nan
+    return np.stack(
+        [np.bincount(bins[good], column[good], count) / size for column in values.T], axis=1
+    )
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """Return rows (n, c) with those of NaN replaced by the last finite one, or the first at the
+    beginning.
+    """
+    good = np.isfinite(values).all(axis=1)
+    source = np.maximum.accumulate(np.where(good, np.arange(len(values)), 0))
+    source[source == 0] = int(np.argmax(good)) if not good[0] else 0
+    return values[source]
+
+
+# Standard deviation of noise in the features of the ridge, over their own [1]
+NOISE = 0.1
+# Channels of chi that are forecast together, and of a sample [chi, zeta] that they are forecast
+# from: lateral force from itself and the lateral velocity, vertical force from force and velocity,
+# torque from itself and the body rates
+GROUPS = (((0, 1), (0, 1, 6, 7)), ((2,), (0, 1, 2, 6, 7, 8)), ((3, 4, 5), (3, 4, 5, 9, 10, 11)))
+
+
+class RidgeBaseline:
+    """Separate linear map chi_hat_h = W_h [w; 1] for each of `HORIZONS`; it ignores the coming
+    zeta.
+
+    Between them it is interpolated linearly. Until its window is full, it holds the label.
+
+    Args:
+        weights: (H, 6, 12 D + 1) of the window, oldest sample first, and of 1, in physical units.
+    """
+
+    name = "ridge"
+    step = STEP
+
+    def __init__(self, weights: np.ndarray):
+        self._W = weights
+
+    def initial_memory(self) -> Memory:
+        """Return the memory before any sample: window (W, 12) of [chi, zeta], oldest first, and the
+        count in it.
+        """
+        return {"window": np.zeros((HISTORY, 12)), "count": np.zeros(1)}
+
+    def update(self, memory: Memory, sample: Sample) -> Memory:
+        """Return the memory after one more sample; one with a NaN repeats the sample before."""
+        row = np.concatenate([sample.chi, rigid_body.zeta(np.asarray(sample.x, float))])
+        row = np.where(np.isfinite(row), row, memory["window"][-1])
+        window = np.concatenate([memory["window"][1:], row[None]])
+        return {"window": window, "count": memory["count"] + 1.0}
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """Return the forecast; until the window is full, the last label, held."""
+        window = memory["window"]
+        if memory["count"][0] < HISTORY:
+            return constant_forecast(window[-1, :6], horizon)
+        steps = stride * np.arange(horizon)
+        course = self._W @ np.append(window.ravel(), 1.0)
+        between = [np.interp(steps, HORIZONS, channel) for channel in course.T]
+        return constant_forecast(np.stack(between, axis=1), horizon)
+
+
+def fit_ridge(segments: list[Segment]) -> RidgeBaseline:
+    """Fit a ridge to every origin of the segments, by groups of channels, each of which sees its
+    own inputs.
+
+    Raises: ValueError: if no segment is longer than history and horizon.
+    """
+    segments = check_segments(segments, HISTORY + HORIZONS[-1] + 1)
+    weights = np.zeros((len(HORIZONS), 6, HISTORY, 12))
+    constant = np.zeros((len(HORIZONS), 6, 1))
+    for outputs, inputs in GROUPS:
+        features = []
+        goals = []
+        for segment in segments:
+            samples = np.hstack([segment.chi, segment.zeta])[:, inputs]
+            windows = sliding_window_view(samples, HISTORY, axis=0).transpose(0, 2, 1)
+            origins = np.arange(HISTORY - 1, len(samples) - HORIZONS[-1])
+            features.append(windows[: len(origins)].reshape(len(origins), -1))
+            goals.append(segment.goal[origins[:, None] + HORIZONS][..., outputs])
+        goal = np.concatenate(goals)
+        W, level = _centred_ridge(np.concatenate(features), goal.reshape(len(goal), -1))
+        size = (HISTORY, len(inputs), len(HORIZONS), len(outputs))
+        chosen = np.ix_(range(len(HORIZONS)), outputs, range(HISTORY), inputs)
+        weights[chosen] = W.reshape(size).transpose(2, 3, 0, 1)
+        constant[:, outputs, 0] = level.reshape(len(HORIZONS), -1)
+    return RidgeBaseline(np.dstack([weights.reshape(len(HORIZONS), 6, -1), constant]))
+
+
+def _centred_ridge(X: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return weights and constant of the ridge of Y on features of mean 0 and deviation 1."""
+    middle = X.mean(axis=0)
+    level = Y.mean(axis=0)
+    scale = np.maximum(X.std(axis=0), 1e-12)
+    Z = (X - middle) / scale
+    # (Z'Z + n noise² 1) W = Z'Y
+    gram = Z.T @ Z + NOISE**2 * len(Z) * np.eye(Z.shape[1])
+    W = np.linalg.solve(gram, Z.T @ (Y - level)) / scale[:, None]
+    return W, level - middle @ W
+
+
+def _segments(flights: Sequence[Opened]) -> list[Segment]:
+    """Return the flights as training input: labels averaged over a step, gaps of the label bridged
+    by a line.
+    """
+    segments = []
+    for log, vehicle in flights:
+        flight = sampled_flight(log, vehicle)
+        k = np.arange(len(flight))
+        good = np.isfinite(flight.chi).all(axis=1)
+        chi = np.stack([np.interp(k, k[good], column[good]) for column in flight.chi.T], axis=1)
+        segments.append(Segment(chi, flight.zeta, STEP))
+    return segments
+
+
+def _paper(flights: Sequence[Opened]) -> NeuralPredictor:
+    """Return the predictor of the paper with its usual settings, but for the window."""
+    model = train(_segments(flights), make_config(PAPER, window=HISTORY)).model
+    return NeuralPredictor.of(model)
+
+
+def _network(flights: Sequence[Opened]) -> NeuralPredictor:
+    """Return the packaged network on the vehicle of these flights."""
+    opened = [Flight(log, vehicle) for log, vehicle in flights]
+    return NeuralPredictor.of(fitted_lpv(load_model(NP_MODEL), opened, STEP))
+
+
+def _tuned_network(flights: Sequence[Opened]) -> NeuralPredictor:
+    """Return the packaged network after more training on these flights."""
+    model = fine_tuned(_network(flights).model, _segments(flights), epochs=EPOCHS)
+    return NeuralPredictor.of(model)
+
+
+def _payload_filter(flights: Sequence[Opened]) -> PayloadFilter:
+    """Return the packaged bank on the vehicle of these flights."""
+    prior = PayloadFilterModel.load(FILTER_MODEL)
+    return PayloadFilter(train_payload_filter(flights, step=STEP, prior=prior))
+
+
+ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
+    PERSISTENCE: lambda flights: Hold(step=STEP),
+    "ridge": lambda flights: fit_ridge(_segments(flights)),
+    GP: lambda flights: MotionModel(GP, fit_gaussian_process(_segments(flights)), STEP),
+    PAPER: _paper,
+    "np": _network,
+    "np fine-tuned": _tuned_network,
+    PAYLOAD_FILTER: _payload_filter,
+}
+
+
+def open_campaign(folder: Path) -> dict[str, list[Opened]]:
+    """Return the flights with a payload in a folder as `reproduce real` takes, by manoeuvre.
+
+    Raises: ValueError: if there are not two manoeuvres; LogError: if a log cannot be used.
+    """
+    campaign = campaign_of("payload")
+    blocks = numbered_blocks(campaign.files(folder))
+    require(
+        len(blocks) >= 2,
+        f"{folder / campaign.patterns[0]}: must be flights of two manoeuvres (runs of "
+        f"numbers); got {len(blocks)}.",
+    )
+    return {
+        block_name(block): [(log, campaign.nominal) for log in campaign.logs(block)]
+        for block in blocks
+    }
+
+
+def square_errors(model: ResidualModel, opened: Opened, motion: str) -> dict[str, list]:
+    """Return of forecasts on a flight the sum over origins of the squared error by kind and horizon
+    [N², N²m²], and the number of origins by horizon.
+
+    Every origin from `HISTORY` on counts whose target, the label averaged over a step, is there. A
+    model that reads labels of its own low-pass gets these; the targets stay. motion: of `MOTIONS`.
+    """
+    flight = sampled_flight(*opened)
+    label = model.label if isinstance(model, ReadsLabels) else None
+    seen = sampled_flight(*opened, label)
+    goal = np.full((len(flight) - HISTORY, len(HORIZONS), 6), np.nan)
+    for i, h in enumerate(HORIZONS):
+        goal[: max(len(flight) - HISTORY - h, 0), i] = flight.chi[HISTORY + h :]
+    there = np.isfinite(goal).all(axis=-1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        chi_hat = flight_forecasts(model, seen, list(HORIZONS), first=HISTORY, motion=motion)
+        error = np.where(there[..., None], (chi_hat - goal) ** 2, 0.0)
+    square = [error[..., part].sum(axis=(0, 2)).tolist() for part in KINDS.values()]
+    return {"square": square, "count": there.sum(axis=0).tolist()}
+
+
+def held_out_errors(
+    case: Mapping[str, str], *, flights: Mapping[str, Sequence[Opened]]
+) -> dict[str, Any]:
+    """Return of a case {"manoeuvre", "row"} the errors on its flights, by coming motion and flight,
+    of the row trained on the other manoeuvres.
+    """
+    held_out = case["manoeuvre"]
+    learned = [own for name, some in flights.items() if name != held_out for own in some]
+    model = ROWS[case["row"]](learned)
+    shown = flights[held_out]
+    return {m: {own[0].name: square_errors(model, own, m) for own in shown} for m in MOTIONS}
+
+
+def pooled(found: Mapping[tuple[str, str], Mapping[str, Mapping]]) -> list[dict[str, Any]]:
+    """Return a line for every row, coming motion, kind and horizon: RMSE, its ratio to persistence
+    and its interval.
+
+    found: (row, motion) -> flight -> `square_errors`.
+    Pooled: root of all flights' squared errors over those of persistence. Interval: 95 %, from
+    flights drawn with replacement (bootstrap).
+    """
+    flights = list(next(iter(found.values())))
+    lines = []
+    even = [1 / len(flights)] * len(flights)
+    drawn = np.random.default_rng(0).multinomial(len(flights), even, DRAWS)
+    by_motion = sorted(found.items(), key=lambda item: MOTIONS.index(item[0][1]))
+    for (row, motion), own in by_motion:
+        square, base = (
+            np.array([of[flight]["square"] for flight in flights])
+            for of in (own, found[PERSISTENCE, motion])
+        )
+        count = np.sum([own[flight]["count"] for flight in flights], axis=0)
+        with np.errstate(invalid="ignore", over="ignore"):
+            drawn_ratio = np.sqrt(np.tensordot(drawn, square, 1) / np.tensordot(drawn, base, 1))
+            interval = np.percentile(drawn_ratio, [2.5, 97.5], axis=0)
+            ratio = np.sqrt(square.sum(axis=0) / base.sum(axis=0))
+            rmse = np.sqrt(square.sum(axis=0) / count)
+        lines += [
+            {
+                **{"row": row, "motion": motion, "kind": kind, "horizon": h * STEP},
+                "rmse": float(rmse[k, i]),
+                "ratio": float(ratio[k, i]),
+                "interval": interval[:, k, i].tolist(),
+            }
+            for k, kind in enumerate(KINDS)
+            for i, h in enumerate(HORIZONS)
+        ]
+    return lines
+
+
+def run(
+    run: Run,
+    folder: RealFlights = None,
+    only: Annotated[
+        list[str] | None,
+        Option("--only", metavar="ROW", help="Only this row and persistence; repeatable."),
+    ] = None,
+) -> Report:
+    """Forecast of force and torque on real flights with a payload, one manoeuvre left out."""
+    folder = required("payload-flights", folder, REAL_FLIGHTS)
+    wanted = chosen("--only", only, ROWS)
+    require(folder.is_dir(), f"{folder}: must be a folder of real flights; it is not there.")
+    names = [name for name in ROWS if name in {PERSISTENCE, *wanted}]
+    flights = open_campaign(folder)
+    cases = [{"manoeuvre": manoeuvre, "row": name} for manoeuvre in flights for name in names]
+    title = "training and scoring"
+    config = {"folder": folder.name, "step": STEP}
+    records = run.cases(
+        title, "folds of a row", partial(held_out_errors, flights=flights), cases, config=config
+    )
+    found: dict[tuple[str, str], dict[str, Any]] = {}
+    for case, result in zip(cases, every_result(records), strict=True):
+        for motion, own in result.items():
+            found.setdefault((case["row"], motion), {}).update(own)
+    lines = pooled(found)
+    flown = [log.name for some in flights.values() for log, _ in some]
+    frame = pd.DataFrame(lines)
+    half = frame["interval"].map(lambda bounds: 0.5 * (bounds[1] - bounds[0]))
+    frame["cell"] = [f"{r:.3g}±{h:.2g}" for r, h in zip(frame["ratio"], half, strict=True)]
+    frame["ahead"] = frame["horizon"].map("{:.3g} s".format)
+    return Report(
+        [
+            made
+            for (motion, kind), own in frame.groupby(["motion", "kind"], sort=False)
+            for made in table(
+                f"{kind}: RMSE over that of persistence (± half of the 95 % interval), coming "
+                f"motion {motion}",
+                own.pivot(index="row", columns="ahead", values="cell")
+                .reindex(index=names)
+                .reset_index()
+                .to_dict("records"),
+            )
+        ],
+        config={**config, "rows": names, "manoeuvres": list(flights), "flights": flown},
+        metrics={"table": lines},
+        summary=[
+            f"{len(flown)} flights, {len(flights)} manoeuvres ({', '.join(flights)}), each held "
+            "out in turn"
+        ],
+    )

@@ -1,0 +1,619 @@
+"""Study `real`: the diagnosis, or answers of any tool, on real flights whose cause is known."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import joblib
+import numpy as np
+import pandas as pd
+import scipy
+from typer import Option
+
+from diagrams.batch.run import FailedRun, Report, Run, Table, failures
+from diagrams.evidence.challenge.answers import ANSWER_FILE, REAL_ANSWER, read_answer
+from diagrams.evidence.challenge.score import SURE, calibration
+from diagrams.evidence.challenge.score_tables import calibration_figure, table
+from diagrams.evidence.real import campaigns
+from diagrams.evidence.real.campaigns import DRAG, GROUND, PAYLOAD, PLACE, WINDS, Truth, campaign_of
+from diagrams.evidence.studies.options import REAL_FLIGHTS, Group, Neurobem, RealFlights, required
+from diagrams.gap.drake_replay import DrakeReplay
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.regressors import library_candidates
+from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.result import UNKNOWN
+from np_drake.effects.base import Effect, Motion, WrenchEffect
+from np_drake.effects.combine import split_effects, total_wrench
+from np_drake.effects.library import causes as library_causes
+from np_drake.effects.pendulum import hanging, swing_many
+from np_drake.files.file_access import write_json
+from np_drake.flight_log import FlightLog
+from np_drake.logs.importing.signals import Signal
+from np_drake.rigid_body import V
+from np_drake.vehicle import Vehicle
+
+# the diagnosis; forward selection by least squares
+THIS = "this"
+BIC = "BIC"
+STEP = 0.02  # between the instants at which a force is averaged [s]
+PROBABILITIES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.97, 1.0001)  # edges of bins [1]
+TOP = 5  # names that are shown of a method
+DIRECTION = np.array([-1.0, 0.0])  # of the wind of the fans in the plane [1]
+# Asked of a wind: figure, what it should be, and within what. Its speed only up to 6 m/s, to which
+# linear drag holds.
+WITHIN = {"angle": (0.0, 10.0), "force": (1.0, 0.15), "speed": (1.0, 0.30)}  # [deg, 1, 1]
+GENTLE = 6.0  # [m/s]
+BESIDE_WIND = {"mass_error", "clock_offset"}  # no names beside a wind
+
+
+# Score of one case
+
+
+def effects_of(answer: Mapping[str, Any], names: Iterable[str]) -> list[Effect]:
+    """Return the effects of an answer at their values, as far as the library knows them."""
+    found = []
+    for cause in answer["causes"]:
+        kind = library_causes().get(cause["effect"]) if cause["effect"] in names else None
+        given = cause.get("parameters", {})
+        told = {p.name: given.get(p.name, {}).get("value") for p in getattr(kind, "parameters", ())}
+        found += [kind(**{n: v for n, v in told.items() if v is not None})] if kind else []
+    return found
+
+
+def mean_force(flights: Iterable[FlightLog], vehicle: Vehicle) -> np.ndarray:
+    """Return the mean force that the nominal model leaves, over flights, (3,) in W [N]."""
+    residuals = [make_flight_residuals(log, vehicle) for log in flights]
+    forces = [(e.R_WB @ e.y[:, :3, None])[..., 0].mean(axis=0) for e in residuals]
+    return np.mean(forces, axis=0)
+
+
+def force_of(log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect]) -> np.ndarray:
+    """Return the mean force of effects over a flight, (3,) in W [N]; rotors share the thrust."""
+    t = log.t[:: max(1, int(STEP / log.step))]
+    x = Signal(log.t, log.x).linear(t)
+    x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+    thrust = np.repeat(0.25 * Signal(log.t, log.u[:, :1]).linear(t), 4, axis=1)
+    return total_wrench(vehicle, effects, Motion(t, x, thrust))[:, :3].mean(axis=0)
+
+
+def wind_figures(
+    effects: Sequence[Effect],
+    flights: Sequence[FlightLog],
+    vehicle: Vehicle,
+    measured: np.ndarray,
+    speed: float,
+) -> dict[str, float]:
+    """Return direction error [deg], mean force over that measured [1], speed over that of the fans
+    [1], and speed upwards [m/s] of a wind; empty where no wind is among the effects.
+
+    flights: in the wind, over which its force is averaged. measured: (3,) mean force of the wind in
+    W [N]. speed: of the fans [m/s].
+    """
+    acting = split_effects(effects).wrench
+    winds: list[Any] = [effect.predicted for effect in acting if effect.identifier in WINDS]
+    if not winds:
+        return {}
+    drags = [effect for effect in acting if effect.identifier not in WINDS]
+    # Of the drags in wind less that of the drags in still air.
+    blown = np.mean([force_of(log, vehicle, [*drags, *winds]) for log in flights], axis=0)
+    calm = np.mean([force_of(log, vehicle, drags) for log in flights], axis=0) if drags else 0.0
+    wind = np.sum([w.air_velocity(0.0) for w in winds], axis=0)
+    across = float(np.linalg.norm(wind[:2]))
+    along = float(wind[:2] @ DIRECTION) / across if across > 0 else math.nan
+    return {
+        "angle": math.degrees(math.acos(np.clip(along, -1, 1))),
+        "force": float((blown - calm)[:2] @ DIRECTION / (measured[:2] @ DIRECTION)),
+        "speed": across / speed,
+        "up": float(wind[2]),
+    }
+
+
+def score_case(
+    record: dict[str, Any],
+    *,
+    folder: Path,
+    neurobem: Path | None = None,
+    answers: Path | None = None,
+    replay: bool = False,
+) -> dict[str, Any]:
+    """Return of a record {"group", "name"} {"group", "vehicle", "case", "methods", "answer"}:
+    names, right, wrong, parameters, held-out figures and seconds of every method.
+
+    folder, neurobem: of the flights, under the same path for all workers.
+    answers: folder of answers to score; None: the case is diagnosed, and "answer" holds what was
+    said. A case that it does not answer lacks that method.
+    replay: the held-out flights are replayed in the nominal and in the corrected simulator.
+    Raises: LogError, OSError: if a flight cannot be used; ValueError: if an answer is none.
+    """
+    cases = campaigns.make_cases(folder, neurobem, [record["group"]])
+    case = next(case for case in cases if case.name == record["name"])
+    campaign = campaign_of(case.group)
+    vehicle = campaign.nominal
+    truth = campaign.truth
+    train = campaign.logs(case.train)
+    found: dict[str, Any] = {
+        "group": case.group,
+        "vehicle": campaign.vehicle,
+        "case": case.name,
+        **({"wind": case.speed} if case.speed else {}),
+    }
+    if answers is None:
+        diagnosis = diagnose(
+            vehicle,
+            train,
+            campaign.open_flights(case.held_out),
+            DrakeReplay(vehicle) if replay else None,
+            adaptive_split=case.second,
+            before=campaign.logs(case.before),
+        )
+        found["answer"] = diagnosis.as_json()
+    answer = found.get("answer")
+    if answers is not None:
+        answer = read_answer(answers / case.folder / ANSWER_FILE, REAL_ANSWER)
+    methods = {} if answer is None else {THIS: scored(answer, truth, [log.name for log in train])}
+    if case.still:
+        calm = mean_force(campaign.logs(case.still), vehicle)
+        force = mean_force(train, vehicle) - calm
+        found["force"] = force.tolist()
+        for own in methods.values():
+            effects = effects_of(answer or {}, own["causes"])
+            own["wind"] = wind_figures(effects, train, vehicle, force, case.speed)
+    flights = [make_flight_residuals(log, vehicle) for log in train]
+    y = np.concatenate([e.y[:, :WRENCH] for e in flights])
+    methods[BIC] = verdict(select_by_bic(y, library_columns(flights)), truth)
+    return found | {"methods": methods}
+
+
+def scored(answer: Mapping[str, Any], truth: Truth, fitted: Iterable[str] = ()) -> dict[str, Any]:
+    """Return what the content of a `diagnosis.json` says, against the truth.
+
+    A cause that is absent from all flights of the fit is said of the held-out flight, and is not
+    judged as theirs.
+
+    fitted: names of the flights of the fit; empty: every cause is theirs.
+    """
+    fit = set(fitted)
+    second = (answer.get("refit") or {}).get("causes", ())
+
+    def absent(cause: Mapping[str, Any]) -> bool:
+        return bool(fit) and fit <= set(cause.get("absent_from") or ())
+
+    own = [c for c in answer["causes"] if not absent(c) and c.get("changed", True)]
+    new = (cause["effect"] for cause in (*answer["causes"], *second) if absent(cause))
+    unknown = float(answer.get("unknown_probability") or 0.0)
+    causes = {cause["effect"]: float(cause["probability"]) for cause in own}
+    if UNKNOWN in truth.present:
+        causes[UNKNOWN] = unknown
+    if any(finding["name"] == PLACE for finding in answer.get("remains", ())):
+        causes[PLACE] = unknown
+    begun = (c for c in own if set((c.get("onset") or {}).values()) - {None})
+    shrink = answer.get("shrink") or {}
+    return {
+        **verdict(causes, truth, [cause["effect"] for cause in begun]),
+        "parameters": {cause["effect"]: cause.get("parameters", {}) for cause in own},
+        "unknown": unknown,
+        "fraction": (shrink.get("residual") or {}).get("fraction"),
+        "replay": shrink.get("replay"),
+        # A wind that it, or its second answer, finds in held-out flights alone.
+        "new_condition": next((name for name in new if name in WINDS), ""),
+        "seconds": answer.get("wall"),
+    }
+
+
+def verdict(causes: Mapping[str, float], truth: Truth, late: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the probabilities, whether all that is named is right, and names that are wrong."""
+    right = truth.right(causes, late)
+    wrong = truth.wrong(causes, late)
+    return {
+        "causes": dict(causes),
+        "late": list(late),
+        "parameters": {},
+        "right": right,
+        "wrong": wrong,
+    }
+
+
+# Opponent of the diagnosis: forward selection by BIC, least squares with white noise and no priors
+# on the residual wrench
+
+WRENCH = 6  # channels: force and torque in B
+LENGTHS = np.geomspace(0.2, 2.0, 24)  # of payloads [m]
+DAMPING = 0.1  # of payloads by the air [1/s]; as in flights of five grams
+SMALL = 0.05  # displacement of a start state over length and natural rate [1]
+SHARE = 0.1  # of the vehicle's mass, in units of which start states of payloads are fitted [1]
+TRIED = 4  # effects a step that are fitted in full, the best at the weights so far
+MOST = 10  # names that are chosen
+
+Columns = tuple[str, np.ndarray]  # name of an effect, and its (rows, 6, k) over all flights
+
+
+def library_columns(flights: Sequence[FlightResiduals]) -> list[Columns]:
+    """Return the columns of the library's effects that act on the wrench, of a steady wind (a
+    constant force in W, one a newton along each axis), and of payloads at the end of a tether.
+    """
+    found = [
+        (own.identifiers[0], np.concatenate([own.columns[e.name][:, :WRENCH] for e in flights]))
+        for own in library_candidates(flights)
+    ]
+    force = np.concatenate([e.R_WB.transpose(0, 2, 1) for e in flights])
+    wind = np.concatenate([force, np.zeros_like(force)], axis=1)
+    acting = [(name, X) for name, X in found if np.any(X)]
+    return [*acting, *payload_columns(flights), ("constant_wind", wind)]
+
+
+def payload_columns(flights: Sequence[FlightResiduals]) -> list[Columns]:
+    """Return, for every tether length, the force of a payload per mass and its change with the
+    start of every flight, about hanging still.
+    """
+    rows = np.cumsum([0, *(len(e.t) for e in flights)])
+    X = np.zeros((len(LENGTHS), rows[-1], WRENCH, 1 + 4 * len(flights)))
+    moves = np.concatenate([np.zeros((1, 4)), SMALL * np.eye(4)])
+    lengths = np.repeat(LENGTHS, 5)
+    states = np.tile(moves, (len(LENGTHS), 1))
+    for i, e in enumerate(flights):
+        here = slice(rows[i], rows[i + 1])
+        pull = _pulls(e, lengths, states)
+        force = np.einsum("nji,nkj->kni", e.R_WB, pull).reshape(len(LENGTHS), 5, -1, 3)
+        X[:, here, :3, 0] = force[:, 0]
+        X[:, here, :3, 1 + 4 * i : 5 + 4 * i] = np.moveaxis(force[:, 1:] - force[:, :1], 1, -1)
+    X[..., 1:] *= SHARE * flights[0].vehicle.mass  # start states count in products with the mass
+    return [("suspended_payload", own) for own in X]
+
+
+def _pulls(e: FlightResiduals, lengths: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """Return the pull on the vehicle per mass of m payloads on the grid, (rows, m, 3) in W [m/s²].
+
+    The hook is at Bo. lengths: (m,) [m]. states: (m, 4) at the start, over length and natural rate
+    [1].
+    """
+    on_grid = Signal(e.rows.t, np.concatenate([e.rows.a, e.rows.x[:, V]], axis=1)).linear(e.t)
+    gravity = e.vehicle.gravity
+    rate = np.sqrt(gravity / lengths)
+    state = states * np.stack([lengths, lengths, lengths * rate, lengths * rate], axis=1)
+    r, r_rate = hanging(state[:, :2], state[:, 2:], lengths)
+    between = 0.5 * (on_grid[1:] + on_grid[:-1])
+    a = between[:, :3]
+    v = between[:, 3:]
+    steps = swing_many(lengths, r, r_rate, a, e.grid.step, gravity, damping=DAMPING, v_hook=v)
+    return np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
+
+
+def fit(y: np.ndarray, chosen: Sequence[Columns]) -> tuple[np.ndarray, float]:
+    """Return the coefficients of columns that fit the residual wrench y (rows, 6), the white noise
+    of every channel estimated with them, and the Bayesian information criterion.
+
+    BIC = sum over channels of n log(RSS / n) + k log(rows * channels).
+    """
+    X = _joined(chosen, y)
+    c = np.zeros(X.shape[2])
+    weights = _weights(y)
+    # Weights and coefficients in turn: iteratively reweighted least squares, which maximises the
+    # likelihood of both.
+    for _ in range(3):
+        A, b = _scaled(X, y, weights)
+        if len(c):
+            c = np.linalg.lstsq(A, b, rcond=1e-10)[0]
+        weights = _weights(y - X @ c)
+    used = weights > 0
+    size = len(c) * math.log(len(y) * used.sum())
+    return c, -2.0 * len(y) * float(np.sum(np.log(weights[used]))) + size
+
+
+def _weights(left: np.ndarray) -> np.ndarray:
+    """Return one over the RMS of what is left in each channel (6,); zero for a channel that is
+    empty.
+    """
+    rms = np.sqrt(np.mean(left**2, axis=0))
+    return np.where(rms > 0, 1 / np.where(rms > 0, rms, 1.0), 0.0)
+
+
+def _joined(chosen: Sequence[Columns], y: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.zeros((*y.shape, 0)), *(X for _, X in chosen)], axis=2)
+
+
+def _scaled(X: np.ndarray, y: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return (X * weights[:, None]).reshape(y.size, X.shape[2]), (y * weights).ravel()
+
+
+def select_by_bic(y: np.ndarray, columns: Sequence[Columns]) -> dict[str, float]:
+    """Return the probability of every effect that forward selection by BIC chooses for the residual
+    wrench y (rows, 6), in the order of choice; one of the variants of an effect is chosen at most.
+
+    The probability is that of two models of equal prior, with and without the effect: 1 / (1 +
+    exp(-change / 2)).
+    """
+    chosen: list[Columns] = []
+    c, bic = fit(y, chosen)
+
+    def misfit(columns: Columns) -> float:
+        """Chi-squared that is left with these too at the weights so far, and a penalty of size."""
+        A, b = _scaled(_joined([*chosen, columns], y), y, weights)
+        c = np.linalg.lstsq(A.T @ A, A.T @ b, rcond=1e-12)[0]
+        return float(b @ b - c @ (A.T @ b)) + A.shape[1] * math.log(len(b))
+
+    while len(chosen) < MOST:
+        taken = {name for name, _ in chosen}
+        weights = _weights(y - _joined(chosen, y) @ c)
+        rated = sorted((own for own in columns if own[0] not in taken), key=misfit)[:TRIED]
+        fits = [(*fit(y, [*chosen, own]), own) for own in rated]
+        if not fits or min(value for _, value, _ in fits) >= bic:
+            break
+        c, bic, own = min(fits, key=lambda found: found[1])
+        chosen.append(own)
+    without = {own[0]: fit(y, [o for o in chosen if o is not own])[1] for own in chosen}
+    return {name: float(scipy.special.expit((other - bic) / 2)) for name, other in without.items()}
+
+
+# All cases, by method
+
+EVERY = [c.group for c in campaigns.CAMPAIGNS if not c.before]
+CASES = {
+    "healthy": [c.group for c in campaigns.CAMPAIGNS if c.truth.healthy and not c.before],
+    "calm": [c.group for c in campaigns.CAMPAIGNS if c.truth.healthy and c.before],
+    "since": [c.group for c in campaigns.CAMPAIGNS if c.before and not c.truth.healthy],
+    "every": EVERY,
+    "known": EVERY[:-1],  # all but NeuroBEM
+    "payload": ["payload", "crazyswarm2-payload"],
+    "command": ["payload-command"],  # the payload flights of another group once more
+    "ground": ["swarm-ground-small", "swarm-ground-large"],
+}
+
+
+def calibrated(judged: Iterable[Sequence[tuple[float, bool]]]) -> dict[str, Any]:
+    """Return the calibration of names of which the truth is known."""
+    return calibration([pair for own in judged for pair in own], PROBABILITIES, side="right")
+
+
+GATHER = {
+    "count": lambda values: f"{sum(values)} of {len(values)}",
+    "sum": lambda values: str(sum(values)),
+    "median": lambda values: f"{np.median(values):g}",
+    "mean": lambda values: f"{np.mean(values):.2f}",
+    "seconds": lambda values: f"{np.median(values):.1f}",
+    "most": lambda values: f"{max(values):.1f}",
+    "calibration": lambda values: calibrated(values)["ece"],
+}
+
+
+def estimates(answer: Mapping[str, Any], truth: Truth) -> list[dict[str, Any]]:
+    """Return a line for every parameter of the known cause: whether it is told, within what is
+    asked, covered by its interval, and its error [%].
+    """
+    given = {n: e for name in truth.present for n, e in answer["parameters"].get(name, {}).items()}
+    lines = []
+    for name, known in truth.parameters.items():
+        true = known["value"]
+        least, most = (known["value"] * bound for bound in known["asked"])
+        own = given.get(name, {})
+        value = own.get("value")
+        low, high = own.get("ci95") or (None, None)
+        lines.append(
+            {
+                "parameter": name,
+                "asked": f"{least:.2g} to {most:.2g}",
+                "told": name in given,
+                "within": value is not None and least <= value <= most,
+                "covered": low is not None and high is not None and low <= true <= high,
+                "error": math.nan if value is None else 100 * (value / true - 1),
+            }
+        )
+    return lines
+
+
+def outcome(record: Mapping[str, Any], by: str) -> dict[str, Any]:
+    """Return all that counts of a method in a case; None where it does not count."""
+    own = record["methods"][by]
+    truth = campaign_of(record["group"]).truth
+    causes = own["causes"]
+    fans = record.get("wind")
+    wind = own.get("wind", {})
+    names = set(campaigns.named(causes))
+    sizes = estimates(own, truth)
+    holds = {name: truth.holds(name, own["late"]) for name in causes}
+    within = {line["parameter"]: line["within"] for line in sizes}
+    near = {
+        figure: figure in wind and abs(wind[figure] - about) <= most
+        for figure, (about, most) in WITHIN.items()
+        if fans and (figure != "speed" or fans <= GENTLE)
+    }
+    gained = own.get("fraction")
+    replay = own.get("replay") or {}
+    flown = {
+        f"{horizon:g} s {when}": 100 * replay[when]["position"][k]
+        for k, horizon in enumerate(replay.get("horizon", ()))
+        for when in ("before", "after")
+        if replay.get(when)
+    }
+    shown = [
+        f"{name.upper() if holds[name] is False else name} {p:.2f}"
+        for name, p in sorted(causes.items(), key=lambda pair: -pair[1])
+    ]
+    more = [f"and {len(shown) - TOP} more"] if len(shown) > TOP else []
+    return {
+        **{key: record[key] for key in ("group", "case")},
+        "by": by,
+        "right": own["right"],
+        "false": bool(own["wrong"]),
+        "beyond": len(names - {DRAG, "quadratic_drag", PLACE, UNKNOWN}),
+        "worse": None if gained is None else bool(gained < 0 and names),
+        "unknown": None if by == BIC else own["unknown"] > campaigns.NAMED,
+        "payload": PAYLOAD in names,
+        **within,
+        "covered": all(line["covered"] for line in sizes) if sizes else None,
+        "ground": GROUND in names and within.get("effective_radius", False),
+        "blown": DRAG in names and bool(names & set(WINDS)) and not names & BESIDE_WIND,
+        **near,
+        "new": None if by == BIC else bool(own["new_condition"]),
+        "sure": sum(causes[name] > SURE for name in own["wrong"]),
+        "judged": [(p, holds[n]) for n, p in causes.items() if holds[n] is not None],
+        "seconds": own.get("seconds"),
+        "replay": flown,
+        "sizes": sizes,
+        "names": ", ".join([*shown[:TOP], *more]) or "nothing",
+    }
+
+
+def calibrations(rows: pd.DataFrame) -> dict[str, list[dict[str, Any]]]:
+    """Return the calibration of names by method, by bin of probability."""
+    return {by: calibrated(own["judged"])["bins"] for by, own in rows.groupby("by", sort=False)}
+
+
+def outcomes(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return a row for every case and method."""
+    return pd.DataFrame(
+        [outcome(record, by) for by in (THIS, BIC) for record in records if by in record["methods"]]
+    )
+
+
+def asked_figures(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return lines with what is asked, what is wanted, and what each method gives, where one gives
+    anything.
+    """
+    lines = []
+    for line in campaigns.ASKED:
+        column = line["column"]
+        gather = GATHER[line["gather"]]
+        own = rows[rows["group"].isin(CASES.get(line["of"], [line["of"]]))]
+        if column in own and own[column].notna().any():
+            told = own.dropna(subset=[column]).groupby("by", sort=False)[column]
+            cells = {by: gather(values.tolist()) for by, values in told}
+            lines.append({"asked": line["asked"], "wanted": line["wanted"], **cells})
+    return lines
+
+
+def tables(rows: pd.DataFrame) -> list[Table]:
+    """Return all tables that the cases give, what is asked first, the names of every case last."""
+    counts = ["right", "false", "beyond", "worse", "unknown"]
+    keys = ["group", "by"]
+    cases = rows.groupby(keys, sort=False)
+    groups = cases.size().to_frame("n").join(cases[counts].sum(min_count=1))
+    groups = groups.join(cases["seconds"].agg(["median", "max"]))
+    sizes = pd.DataFrame(
+        {"group": row.group, "by": row.by, **line}
+        for row in rows.itertuples()
+        for line in row.sizes
+    )
+    if len(sizes):
+        by_parameter = sizes[sizes["told"]].groupby(
+            ["group", "parameter", "asked", "by"], sort=False
+        )
+        sizes = by_parameter[["told", "within", "covered"]].sum()
+        sizes = sizes.join(by_parameter["error"].agg(["median", "min", "max"])).reset_index()
+    flown = pd.DataFrame(rows["replay"].tolist(), index=rows.index).join(rows[keys])
+    replays = flown.groupby(keys, sort=False).median().dropna(how="all").reset_index()
+    bins = [{"by": by, **row} for by, own in calibrations(rows).items() for row in own]
+    told = [
+        {key: row[key] for key in ("by", "lower", "upper", "n", "mean", "rate")} for row in bins
+    ]
+    return [
+        *table("asked of the diagnosis; BIC: forward selection", asked_figures(rows)),
+        *table(
+            "cases: known cause named and no false name; with a false name; names beyond drag; "
+            "named, and held out worse; unknown; seconds, median and most",
+            groups.reset_index().to_dict("records"),
+        ),
+        *table(
+            "parameters of known causes [SI]: told, within what is asked, covered by the 95 % "
+            "interval; error: median and range [%]",
+            sizes.to_dict("records"),
+        ),
+        *table("position error of the replay, median over cases [cm]", replays.to_dict("records")),
+        *table("names of which the truth is known, by reported probability", told),
+        *table(
+            f"names and probabilities, the first {TOP}; WRONG ones in capitals, those above "
+            f"{campaigns.NAMED:g} count",
+            rows.assign(case=rows["group"] + ": " + rows["case"])[["case", "by", "names"]].to_dict(
+                "records"
+            ),
+        ),
+    ]
+
+
+# The study
+
+
+def run(
+    run: Run,
+    folder: RealFlights = None,
+    neurobem: Neurobem = None,
+    only: Group = None,
+    answers: Annotated[
+        Path | None,
+        Option(
+            "--answers",
+            metavar="DIR",
+            help=f"Score DIR/<group>/<case>/{ANSWER_FILE} of any tool; nothing is diagnosed.",
+        ),
+    ] = None,
+    replay: Annotated[
+        bool,
+        Option("--replay", help="Replay held-out flights in the nominal and corrected simulator."),
+    ] = False,
+) -> Report:
+    """The diagnosis, or answers of any tool, on real flights with known causes, beside least
+    squares.
+    """
+    folder = required("real", folder, REAL_FLIGHTS)
+    cases = campaigns.make_cases(folder, neurobem, only or ())
+    lost = [
+        case.folder / ANSWER_FILE
+        for case in cases
+        if answers and read_answer(answers / case.folder / ANSWER_FILE, REAL_ANSWER) is None
+    ]
+    if len(lost) == len(cases):
+        raise ValueError(
+            f"--answers: {answers} must hold <group>/<case>/{ANSWER_FILE}, as {lost[0]}; got none."
+        )
+    for case in cases:  # before the long work
+        for path in (*case.train, case.held_out, *case.still, *case.before):
+            campaign_of(case.group).open_flights(path)
+    config: dict[str, Any] = {
+        "folder": folder,
+        "neurobem": neurobem,
+        "only": only,
+        "replay": replay,
+    }
+    if answers is not None:  # their content, so that others are not taken for them
+        files = sorted(answers.rglob(ANSWER_FILE))
+        config["answers"] = joblib.hash(
+            [(str(f.relative_to(answers)), f.read_bytes()) for f in files]
+        )
+    work = partial(
+        score_case,
+        folder=folder.resolve(),
+        neurobem=neurobem and neurobem.resolve(),
+        answers=answers and answers.resolve(),
+        replay=replay,
+    )
+    listed = [{"group": case.group, "name": case.name} for case in cases]
+    finished = run.cases(
+        "diagnosing" if answers is None else "scoring", "cases", work, listed, config=config
+    )
+    failed = failures(finished)
+    records = [dict(r["result"]) for r in finished if "result" in r]
+    folders = {(case.group, case.name): case.folder for case in cases}
+    made = {folders[r["group"], r["case"]]: r.pop("answer") for r in records if "answer" in r}
+    rows = outcomes(records)
+    bins = calibrations(rows) if records else {}
+
+    def write(out: Path) -> None:
+        for own, answer in made.items():
+            (out / "answers" / own).mkdir(parents=True, exist_ok=True)
+            write_json(out / "answers" / own / ANSWER_FILE, answer)
+
+    return Report(
+        tables(rows) if records else [],
+        config={**config, "cases": [f"{case.group}: {case.name}" for case in cases]},
+        metrics={"table": records, "calibration": bins, "failures": failed},
+        summary=[f"{len(records)} cases, by this rule:", *campaigns.RULE],
+        notes=[f"{len(lost)} of {len(cases)} cases have no answer; the first: {lost[0]}"]
+        if lost
+        else [],
+        figures={"calibration.png": lambda: calibration_figure(bins)} if any(bins.values()) else {},
+        write=write if made else None,
+        failure=FailedRun(f"{failed[0]} ({len(failed)} of {len(cases)} cases failed)")
+        if failed
+        else None,
+    )
