@@ -47,7 +47,7 @@ class Study:
 
     def command(self, name: str) -> Any:
         """Return the study as a command, named as it is called, with all its options."""
-        study = getattr(import_module(f"diagrams.{self.module}"), self.function)
+        study = getattr(import_module(f"diagrams.evidence.{self.module}"), self.function)
         app = Verbs(add_completion=False)
         out = OUT_OF_CASES if self.many else OUT
         app.command(name)(reports(VERB, seed=self.seed, out=out, many=self.many)(study))
@@ -59,12 +59,14 @@ STUDIES = {
     "hover": Study("studies.tracking", "Hover while the payload swings.", function="hover"),
     "attach": Study("studies.tracking", "100 g more are hung on in flight.", function="attach"),
     "changes": Study(
-        "studies.drawn",
+        "studies.envelope_studies",
         "Drawn flights with a payload hung on or cut off.",
         9000,
         function="changes",
     ),
-    "beyond": Study("studies.drawn", "Drawn flights beyond a pendulum.", 9100, function="beyond"),
+    "beyond": Study(
+        "studies.envelope_studies", "Drawn flights beyond a pendulum.", 9100, function="beyond"
+    ),
     "robustness": Study(
         "studies.robustness", "Payload, tether, speed, air, noise, lag, delay, battery."
     ),
@@ -72,19 +74,17 @@ STUDIES = {
     "sample-efficiency": Study(
         "studies.estimation", "Error against training samples.", function="sample_study"
     ),
-    "real": Study(
-        "challenge.real_score", "The diagnosis on real flights with known causes.", seed=None
-    ),
+    "real": Study("real.scoring", "The diagnosis on real flights with known causes.", seed=None),
     "payload-flights": Study(
-        "challenge.forecast", "Forecasts on real flights with a payload.", seed=None
+        "real.payload_flights", "Forecasts on real flights with a payload.", seed=None
     ),
     "identification": Study(
-        "identification.simulated", "Simulated vehicles identified from their logs.", 5800
+        "simulated_vehicles", "Simulated vehicles identified from their logs.", 5800
     ),
     "since": Study(
-        "identification.since", "Simulated vehicles changed between flights, diagnosed.", 6900
+        "changed_vehicles", "Simulated vehicles changed between flights, diagnosed.", 6900
     ),
-    "coverage": Study("certify.coverage", "Certificates of simulated vehicles, flown.", 7800),
+    "coverage": Study("coverage", "Certificates of simulated vehicles, flown.", 7800),
 }
 
 

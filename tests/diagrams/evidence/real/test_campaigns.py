@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from diagrams.evidence.challenge import real
+from diagrams.evidence.real import campaigns as real
 from diagrams.evidence.real.campaigns import (
     DRAG,
     GROUPS,

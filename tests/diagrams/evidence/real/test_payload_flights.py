@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.evidence.challenge import forecast
+from diagrams.evidence.real import payload_flights as forecast
 from diagrams.evidence.real.payload_flights import (
     GROUPS,
     HISTORY,

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.evidence.studies import drawn
+from diagrams.evidence.studies import envelope_studies as drawn
 from diagrams.evidence.studies.envelope_studies import (
     CHANGES,
     compared,
