@@ -71,9 +71,9 @@ from np_drake.diagnosis.result import (
     UNKNOWN,
     Cause,
     Diagnosis,
-    Finding,
     Remainder,
     Replay,
+    ResidualFinding,
 )
 from np_drake.diagnosis.rotor_balance import compare_balance
 from np_drake.diagnosis.selection import Ranking, find_map_model, rank_models
@@ -88,7 +88,7 @@ from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import VOLTAGE
 
-PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
+PLACE = ResidualFinding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
 NO_REPLAY = (
     "no replay: the held-out logs do not tell the rotors' torque, or the motion to compare with."
 )
@@ -102,7 +102,7 @@ class Inference:
     ranking: Ranking
     held: HeldOut
     causes: list[Cause]
-    below_threshold: list[Finding]
+    below_threshold: list[ResidualFinding]
     structures: list[Indication]
     slow: Indication
 
@@ -114,7 +114,7 @@ class Inference:
         return measure_remainder(self.causes, ranking.noise, self.held, said, ranking.options)
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[ResidualFinding, ...]:
         """Where the remainder lives: what is more probable than not."""
         return tuple(s.finding for s in (self.slow, *self.structures) if s.probability > 0.5)
 
@@ -183,7 +183,9 @@ def as_named(found: Inference) -> Inference:
     silent = {n: s for n, s in predicts.items() if s.factor < least and not s.confirmed}
     kept = [c for c in causes if c.identifier not in silent]
     lost = [
-        Finding(c.identifier, silent[c.identifier].reason, c.share) for c in causes if c not in kept
+        ResidualFinding(c.identifier, silent[c.identifier].reason, c.share)
+        for c in causes
+        if c not in kept
     ]
     kept, minor = without_missing_drag(kept, [*found.below_threshold, *lost])
     now = dc.replace(found, ranking=ranking, held=held, causes=kept, below_threshold=minor)
@@ -206,7 +208,7 @@ def _in_gusts(
     structure: Sequence[int],
     held: HeldOut,
     probability: float,
-) -> tuple[Ranking, HeldOut, list[Cause], list[Finding]] | None:
+) -> tuple[Ranking, HeldOut, list[Cause], list[ResidualFinding]] | None:
     """Return ranking, held-out flights and causes with gusts of this probability as the slow force;
     None where it can be no wind.
     """
@@ -355,7 +357,7 @@ def voltage_change(before: Sequence[FlightLog], since: Sequence[FlightLog]) -> t
     )
 
 
-def novelty(found: Inference) -> tuple[Finding, ...]:
+def novelty(found: Inference) -> tuple[ResidualFinding, ...]:
     """Return whether held-out flights show what training flights do not, as a sentence or none.
 
     Gusts, which repeat nowhere, and a payload, whose swing may be lost, do not count.
@@ -374,7 +376,9 @@ def novelty(found: Inference) -> tuple[Finding, ...]:
     if ratio <= ranking.options.thresholds.misfit_ratio:
         return ()
     text = f"{CHANNELS[channel]} is {number(ratio, 2)} times what the training flights leave"
-    return (Finding("misfit", text, ratio, {}, "fly the held-out trajectory again, and fit it"),)
+    return (
+        ResidualFinding("misfit", text, ratio, {}, "fly the held-out trajectory again, and fit it"),
+    )
 
 
 def split_flights(

@@ -188,7 +188,7 @@ class Difference:
 
 
 @dc.dataclass(frozen=True)
-class Finding:
+class ResidualFinding:
     """Result that is no cause: a significant but immaterial effect, or a sign of unknown structure.
 
     measurement: the one flight or measurement that would end it; empty: none is needed.
@@ -341,8 +341,8 @@ class Diagnosis:
     identifiability: Identifiability
     localisation: Localisation
     gap_reduction: GapReduction
-    below_threshold: tuple[Finding, ...] = ()
-    unexplained: tuple[Finding, ...] = ()
+    below_threshold: tuple[ResidualFinding, ...] = ()
+    unexplained: tuple[ResidualFinding, ...] = ()
     unknown_probability: float = 0.0
     cannot_tell: bool = False
     warnings: tuple[str, ...] = ()
@@ -350,7 +350,7 @@ class Diagnosis:
     joined: tuple[str, ...] = ()
     judged_as: str = ""
     refit: "Diagnosis | None" = None
-    new_on_held_out: tuple[Finding, ...] = ()
+    new_on_held_out: tuple[ResidualFinding, ...] = ()
     posterior: Posterior | None = None
     doubts: tuple[str, ...] = ()
     not_flyable: str = ""

@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from np_drake.diagnosis.options import FREEDOM, SPREAD, SURE, Options
-from np_drake.diagnosis.result import Cause, Estimate, Finding
+from np_drake.diagnosis.result import Cause, Estimate, ResidualFinding
 from np_drake.effects.base import arm
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.files.number_text import number
@@ -171,7 +171,7 @@ class RotorBalance:
     """
 
     causes: tuple[Cause, ...] = ()
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[ResidualFinding, ...] = ()
     visible: Mapping[str, float] = dc.field(default_factory=dict)
 
 
@@ -206,7 +206,7 @@ def compare_balance(
     if own.probability < least:
         text = f"the balance of the rotors fits {named} at {number(value, 2)} of its thrust"
         return RotorBalance(
-            (), (Finding(NAME, text, 0.0, {"probability": own.probability}),), visible
+            (), (ResidualFinding(NAME, text, 0.0, {"probability": own.probability}),), visible
         )
     effect = WeakRotor(float(rotor), value)
     parameters = {

@@ -27,7 +27,7 @@ from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import SPREAD, SURE, Options, Size
 from np_drake.diagnosis.regressors import DRAG, Model, RegressionProblem
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
-from np_drake.diagnosis.result import Cause, Estimate, Finding
+from np_drake.diagnosis.result import Cause, Estimate, ResidualFinding
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
 from np_drake.effects.base import Effect
 from np_drake.effects.effect_entry import Posterior
@@ -147,7 +147,7 @@ def judge(
 
 def decide(
     ranking: Ranking, margins: Sequence[float], held: HeldOut, *, gusts: bool = False
-) -> tuple[list[Cause], list[Finding]]:
+) -> tuple[list[Cause], list[ResidualFinding]]:
     """Return the causes among the effects of the best model, and the others as findings below their
     threshold.
 
@@ -203,7 +203,7 @@ def _finding(
     parameters: Mapping[str, Estimate],
     found: Judgement,
     rotor: RotorName | None = None,
-) -> Finding:
+) -> ResidualFinding:
     """Return what is said of an effect that is no cause; rotor: what its rotor is called."""
     units = {
         n: "share" if effect.shares and e.unit == "1" else e.unit for n, e in parameters.items()
@@ -216,7 +216,9 @@ def _finding(
         figures["timing"] = found.timing
     if rotor:
         values = values.replace(f"rotor {rotor.number}", str(rotor))
-    return Finding(effect.identifier, f"{values}: {found.reason} ({shares})", size.gap, figures)
+    return ResidualFinding(
+        effect.identifier, f"{values}: {found.reason} ({shares})", size.gap, figures
+    )
 
 
 def equivalents(problem: RegressionProblem, model: Model) -> dict[str, tuple[str, ...]]:
@@ -296,7 +298,7 @@ def _of_pendulum(
 
 def without_late_onsets(
     causes: Sequence[Cause], ends: Mapping[str, float]
-) -> tuple[list[Cause], list[Finding]]:
+) -> tuple[list[Cause], list[ResidualFinding]]:
     """Return the causes, absent from flights of which they would begin in the last second, which is
     too little to tell.
 
@@ -311,7 +313,7 @@ def without_late_onsets(
         }
         if onset != c.onset and all(t == np.inf for t in onset.values()):
             late.append(
-                Finding(
+                ResidualFinding(
                     c.identifier, "it would begin in the last second of a flight alone", c.share
                 )
             )
@@ -321,13 +323,14 @@ def without_late_onsets(
 
 
 def without_missing_drag(
-    causes: Sequence[Cause], minor: Sequence[Finding]
-) -> tuple[list[Cause], list[Finding]]:
+    causes: Sequence[Cause], minor: Sequence[ResidualFinding]
+) -> tuple[list[Cause], list[ResidualFinding]]:
     """Return both with winds moved from the causes to the findings where no drag is a cause."""
     named = {c.identifier for c in causes}
     still = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
     unfelt = [
-        Finding(c.identifier, "no cause through which it would be felt", c.share) for c in still
+        ResidualFinding(c.identifier, "no cause through which it would be felt", c.share)
+        for c in still
     ]
     return [c for c in causes if c not in still], [*minor, *unfelt]
 

@@ -25,7 +25,7 @@ from np_drake.diagnosis.numerics import NoiseModel, places
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, generic_candidates, prior_of
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
-from np_drake.diagnosis.result import CHANNELS, Cause, Finding, Remainder
+from np_drake.diagnosis.result import CHANNELS, Cause, Remainder, ResidualFinding
 from np_drake.diagnosis.selection import Ranking
 from np_drake.diagnosis.slow_force import gust_probability
 from np_drake.effects.gusty_wind import GustyWind
@@ -256,7 +256,7 @@ def squared_position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.nda
 STEEPNESS = 6.0
 ALONG_PATH = "a force that goes with the path: with the place, or with the motion there"
 OTHER_SPEED = "the same places at another speed"
-SLOW_FORCE = Finding(
+SLOW_FORCE = ResidualFinding(
     "slow force",
     "a level force that comes and goes, of which no wind can be made",
     1.0,
@@ -276,7 +276,7 @@ class Indication(NamedTuple):
     """
 
     probability: float
-    finding: Finding
+    finding: ResidualFinding
     power: np.ndarray
     position: float
 
@@ -284,7 +284,7 @@ class Indication(NamedTuple):
     def of(
         cls,
         probability: float,
-        finding: Finding,
+        finding: ResidualFinding,
         flights: Sequence[FlightResiduals],
         wrench: Sequence[np.ndarray],
     ) -> "Indication":
@@ -330,7 +330,9 @@ def find_unexplained(
     probability = _above(ratio, limit) if large and again else 0.0
     figures = {"ratio": ratio}
     measurement = "hover for a minute with rotor speed logged"
-    finding = Finding("slow torque", "a torque that comes and goes", ratio, figures, measurement)
+    finding = ResidualFinding(
+        "slow torque", "a torque that comes and goes", ratio, figures, measurement
+    )
     said.append(
         Indication.of(
             probability, finding, flights, [_slow_part(e, both, [3 + axis]) for e in flights]
@@ -359,7 +361,7 @@ def _indication(
         float(np.sqrt(np.mean(np.sum(part[:, c] ** 2, axis=1)))) for c in (FORCE, TORQUE)
     )
     name = candidate.identifiers[0].removeprefix(PREFIX)
-    finding = Finding(
+    finding = ResidualFinding(
         name,
         candidate.variant,
         force / flights[0].weight,
@@ -398,7 +400,7 @@ def burst_test(
     size = float(every[row, axis])
     prominence = float(ratio[row, axis])
     probability = _above(prominence, options.thresholds.burst_ratio) if size > least else 0.0
-    finding = Finding(
+    finding = ResidualFinding(
         "burst",
         f"a {CHANNELS[axis]} that comes now and then, as in {flight} at {time:.1f} s, "
         f"{measure(size, 'N')}",
@@ -429,7 +431,7 @@ def _line_test(
         again > thresholds.held_out_share * thresholds.line_ratio
     )
     probability = _above(line.prominence, thresholds.line_ratio) if large else 0.0
-    finding = Finding(
+    finding = ResidualFinding(
         "line",
         f"a line in {CHANNELS[line.channel]} at {line.frequency:.2f} Hz",
         line.prominence,

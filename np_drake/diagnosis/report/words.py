@@ -14,9 +14,9 @@ from np_drake.diagnosis.result import (
     Cause,
     Diagnosis,
     Estimate,
-    Finding,
     GapReduction,
     Remainder,
+    ResidualFinding,
     gap_kinds,
 )
 from np_drake.effects.base import Effect, departure
@@ -166,7 +166,7 @@ def changed(cause: Cause) -> str:
     return f"{text} ({low} to {high})"
 
 
-def described(finding: Finding) -> str:
+def described(finding: ResidualFinding) -> str:
     """Return what a finding says, with the figures that its text leaves out."""
     text = finding.text.rstrip(".")
     figures = finding.figures

@@ -38,7 +38,7 @@ def answer(vehicle, train, held_out, replay, *, on_progress, **how) -> an.Diagno
         an.Identifiability(True, {"speed, RMS [m/s]": 1.0}, {"force x": 0.05}, ("a warning.",)),
         an.Localisation((an.ChannelGap("force z", "N", 1.0, 0.1, 0.1),)),
         an.GapReduction(5.0, 1.2, LEFT, gap, gap),
-        below_threshold=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),
+        below_threshold=(an.ResidualFinding("gyro_bias", "0.001 rad/s about x.", 0.001),),
         warnings=(
             *(f"{name} beside {[o.name for o in own]}" for name, own in how["neighbours"].items()),
             *(f"before: {log.name}" for log in how["before"]),

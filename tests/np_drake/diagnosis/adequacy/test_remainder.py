@@ -13,7 +13,7 @@ from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics import scale_only
 from np_drake.diagnosis.options import Materiality, Options, Tolerance
 from np_drake.diagnosis.residuals import FORCE, make_flight_residuals
-from np_drake.diagnosis.result import Finding
+from np_drake.diagnosis.result import ResidualFinding
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
@@ -118,7 +118,7 @@ def test_a_slow_force_within_the_tolerance_of_the_attitude_is_no_gap(hover):
 def test_structure_in_the_noise_is_left_as_probably_as_it_is_there(hover):
     power = np.zeros(6)
     power[FORCE] = [0.0, 0.6 * FORCE_NOISE**2, 0.0]
-    hidden = [Indication(p, Finding("line", "a line", 1.0), power, 0.0) for p in (0.9,)]
+    hidden = [Indication(p, ResidualFinding("line", "a line", 1.0), power, 0.0) for p in (0.9,)]
     gap = push(hover, 0.06 * WEIGHT)
     found = left_of(hover, gap, push(hover, 0.0), hidden, asked_for(1e-4))
     none = left_of(hover, gap, push(hover, 0.0), [hidden[0]._replace(probability=0.0)])

@@ -67,7 +67,7 @@ def diagnosis() -> an.Diagnosis:
     left = an.Remainder(0.002, (0.001, 0.009), 0.044, 0.0024, 0.013, 0.85, 0.03)
     gap_reduction = an.GapReduction(9.84, 1.08, left, replay(1.0), replay(0.07))
     text = "0.002 rad/s about x: too small to move the vehicle."
-    minor = an.Finding("gyro_bias", text, 0.004, {"x [rad/s]": 0.002})
+    minor = an.ResidualFinding("gyro_bias", text, 0.004, {"x [rad/s]": 0.002})
     return an.Diagnosis(
         "paper",
         ("train_1", "train_2"),

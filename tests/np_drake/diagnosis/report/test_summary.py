@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.report.words import gap_rows, headline, lead, remains
-from np_drake.diagnosis.result import UNKNOWN, Finding
+from np_drake.diagnosis.result import UNKNOWN, ResidualFinding
 
-TRACE = Finding(
+TRACE = ResidualFinding(
     "periodic force", "a force at 2.3 Hz along body x, 0.4 N.", 0.6, {}, "hover at two thrusts"
 )
 
 
-SLOW = Finding(
+SLOW = ResidualFinding(
     "slow", "something slow below 0.5 Hz", 0.04, {"share": 0.04, "force": 0.9}, "hover for a minute"
 )
 
