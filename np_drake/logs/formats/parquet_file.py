@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
-from np_drake.files.file_access import atomic_path, cell_budget, note_input, text_budget
+from np_drake.files.file_access import atomic_path, note_input, text_budget
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError, optional_package
-from np_drake.logs.formats.text_table import require_names, too_large, too_many_cells
+from np_drake.logs.formats.text_table import require_cells, require_names, too_large
 from np_drake.logs.importing.log_map import UNITS
 
 NUMBERS = ("floating", "integer", "boolean", "decimal", "null", "timestamp", "duration")  # kinds
@@ -86,8 +86,7 @@ def _open(path: str | Path) -> Iterator[tuple[Any, Any]]:
         try:
             with pyarrow.parquet.ParquetFile(raw) as file:
                 told = file.metadata
-                if told.num_rows * told.num_columns > cell_budget(path):
-                    raise too_many_cells(path)
+                require_cells(path, told.num_rows * told.num_columns)
                 # Of whole groups: pyarrow ends the process where it is asked for a column whose
                 # statistics are broken.
                 groups = (told.row_group(group) for group in range(told.num_row_groups))

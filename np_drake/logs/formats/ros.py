@@ -27,10 +27,10 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
-from np_drake.files.file_access import cell_budget, note_input, size_of
+from np_drake.files.file_access import note_input, size_of
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
-from np_drake.logs.formats.text_table import too_many_cells
+from np_drake.logs.formats.text_table import require_cells
 from np_drake.logs.importing.log_map import LogMap, Source
 
 # first bytes of a file
@@ -391,13 +391,12 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             for name, columns in wanted.items()
         }
         total = sum(c.msgcount for name in wanted for _, c in bag.topics[name].sources)
-        cells = cell_budget(path)
+        cells = 0
         for i, (name, time, raw) in enumerate(bag.messages(wanted)):
             rows[name].take(time, raw)
-            cells -= 2 + len(rows[name].getters)
-            if cells < 0:
-                raise too_many_cells(path)
+            cells += 2 + len(rows[name].getters)
             if i % EVERY == 0:
+                require_cells(path, cells)
                 progress(min(1.0, i / max(total, 1)))
     progress(1.0)
     facts = {"ros": "1" if bag.ros1 else "2"}

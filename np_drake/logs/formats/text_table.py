@@ -14,6 +14,7 @@ import gzip
 import io
 import itertools
 import re
+import warnings
 import zlib
 from array import array
 from collections import Counter
@@ -90,6 +91,22 @@ class Cell:
         """Names of the columns of numbers."""
         return [self.name] if self.size is None else indexed(self.name, self.size)
 
+    def numbers(self, text: str, *, comma: bool) -> list[float]:
+        """Return the numbers of a cell, those of a list row by row where it holds lists; NaN for an
+        empty cell.
+
+        Raises: ValueError: if there are not `size` numbers.
+        """
+        if comma and COMMA.fullmatch(text):
+            text = text.replace(",", ".")
+        if self.size is None:
+            return [parse_number(text)]
+        if text.strip().lower() in NAN:
+            return [np.nan] * self.size
+        items = list_items(text) or []
+        require(len(items) == self.size, text)
+        return [parse_number(item) for item in items]
+
 
 @dc.dataclass(frozen=True)
 class Layout:
@@ -114,6 +131,11 @@ class Layout:
     def names(self) -> list[str]:
         """Names of all columns of numbers."""
         return [name for cell in self.cells for name in cell.names]
+
+    @property
+    def block(self) -> int:
+        """Rows that are held as text at once."""
+        return max(1, min(BLOCK_ROWS, BLOCK_CELLS // max(self.width, 1)))
 
 
 @dc.dataclass(frozen=True)
@@ -190,11 +212,13 @@ def too_large(path: str | Path) -> LogError:
     )
 
 
-def too_many_cells(path: str | Path) -> LogError:
-    """Return the error of a table beyond its budget of cells."""
-    return LogError(
+def require_cells(path: str | Path, count: int) -> None:
+    """Raise the error of a table beyond its budget of cells."""
+    require(
+        count <= cell_budget(path),
         f"{path}: must hold at most {cell_budget(path) / 1e6:.1f} million numbers for its size. If "
-        f"it is right, write it as plain CSV of whole rows."
+        f"it is right, write it as plain CSV of whole rows.",
+        LogError,
     )
 
 
@@ -289,36 +313,33 @@ def read_layout(path: Path) -> Layout:
         encoding = encoding_of(decompressed_start(file.read(LOOKED_AT)))
     with contextlib.closing(read_lines(path, errors="replace", encoding=encoding)) as lines:
         header = next(lines, "")
-        head = 1
-        if told := SEPARATOR.fullmatch(header):
+        stated = SEPARATOR.fullmatch(header)
+        if stated:
             header = next(lines, "")
-            head = 2
         require(
             header.strip(),
             f"{path}: must hold a header line and rows; its first line is empty.",
             LogError,
         )
-        delimiter = told[1] if told else find_delimiter(header)
+        head = 2 if stated else 1
+        delimiter = stated[1] if stated else find_delimiter(header)
         names = split_header(header, delimiter)
         check_header(path, [name or f"column {i + 1}" for i, name in enumerate(names)])
-        rows = [
-            cells
-            for _, cells in itertools.islice(_rows(path, lines, delimiter, head), ROWS_LOOKED_AT)
-        ]
+        numbered = itertools.islice(_rows(path, lines, delimiter, head), ROWS_LOOKED_AT)
+        rows = [cells for _, cells in numbered]
     units = None
     if len(rows) > 1 and is_units_row(*rows[:2]):
-        units = {
-            name: unit for name, unit in zip(names, map(as_unit, rows.pop(0)), strict=False) if unit
-        }
+        pairs = zip(names, map(as_unit, rows.pop(0)), strict=False)
+        units = {name: unit for name, unit in pairs if unit}
     first = [*(rows[0] if rows else ()), *[""] * len(names)]
-    cells = [
+    cells = tuple(
         Cell(name, i, None if (items := list_items(text)) is None else len(items))
         for i, (name, text) in enumerate(zip(names, first, strict=False))
         if name
-    ]
+    )
     texts = [cell for row in rows if delimiter != "," for cell in row]
-    comma = any(COMMA.fullmatch(text) for text in texts) and not any("." in t for t in texts)
-    layout = Layout(delimiter, len(names), tuple(cells), head, units, comma, encoding)
+    comma = any(map(COMMA.fullmatch, texts)) and not any("." in text for text in texts)
+    layout = Layout(delimiter, len(names), cells, head, units, comma, encoding)
     require_names(path, layout.names)
     return layout
 
@@ -338,14 +359,27 @@ def _rows(
             if len(cells) < 2 and not "".join(cells).strip():
                 skipped += blank
                 continue
-            if skipped:
-                yield from itertools.repeat((reader.line_num + head, []), skipped)
-                skipped = 0
+            yield from itertools.repeat((reader.line_num + head, []), skipped)
+            skipped = 0
             yield reader.line_num + head, cells
     except csv.Error as error:
         raise LogError(
             f"{path}, line {reader.line_num + head}: must be a row of cells; {error}."
         ) from error
+
+
+class _Text:
+    """Lines as a file that pandas reads."""
+
+    def __init__(self, lines: Iterator[str]) -> None:
+        self._lines = lines
+
+    def __iter__(self) -> Iterator[str]:
+        return self._lines
+
+    def read(self, size: int) -> str:
+        """Return the next line, whatever its size; empty at the end."""
+        return next(self._lines, "")
 
 
 def read_cells(
@@ -363,64 +397,86 @@ def read_cells(
     opened.
     """
     names = [name for cell in wanted for name in cell.names]
-    out = [array("d") for _ in names]
-    most = cell_budget(path) // max(len(names), 1)
     faults: list[Fault] = []
-    done = 0
+    numbers = _plain_numbers(path, layout, wanted, progress, blank=blank)
+    if numbers is None:
+        numbers, faults = _row_by_row(path, layout, wanted, progress, blank=blank)
+    return dict(zip(names, np.ascontiguousarray(numbers.T), strict=True)), faults
+
+
+def _plain_numbers(
+    path: str | Path, layout: Layout, wanted: Sequence[Cell], progress: Progress, *, blank: bool
+) -> np.ndarray | None:
+    """Return the numbers (n, k) of a table as pandas reads it; None where lists, words or rows of
+    another length need a closer look.
+    """
+    import pandas
+
+    last = layout.width - 1
+    positions = [cell.position for cell in wanted]
+    blocks = [np.empty((0, len(wanted)))]
+    if any(cell.size is not None for cell in wanted):
+        return None
+    try:
+        with (
+            contextlib.closing(read_lines(path, progress, layout.errors, layout.encoding)) as lines,
+            warnings.catch_warnings(action="error", category=pandas.errors.ParserWarning),
+            pandas.read_csv(
+                _Text(itertools.islice(lines, layout.head + (layout.units is not None), None)),
+                sep=layout.delimiter,
+                decimal="," if layout.comma else ".",
+                header=None,
+                names=range(layout.width + 1),  # one more shows rows that are too long
+                index_col=False,
+                dtype=dict.fromkeys(range(layout.width + 1), str) | dict.fromkeys(positions, float),
+                na_values=list(NAN),
+                keep_default_na=False,
+                skip_blank_lines=not blank,
+                chunksize=layout.block,
+            ) as reader,
+        ):
+            for block in reader:
+                if block[last].isna().any() or block[layout.width].notna().any():
+                    return None
+                blocks.append(block[positions].to_numpy(float))
+                require_cells(path, sum(map(np.size, blocks)))
+    except LogError:
+        raise
+    except (ValueError, pandas.errors.ParserWarning):
+        return None
+    return np.concatenate(blocks)
+
+
+def _row_by_row(
+    path: str | Path, layout: Layout, wanted: Sequence[Cell], progress: Progress, *, blank: bool
+) -> tuple[np.ndarray, list[Fault]]:
+    """Return the numbers (n, k) of a table, NaN where there is none, which becomes a fault."""
+    numbers = array("d")
+    faults: list[Fault] = []
+    sizes = [len(cell.names) for cell in wanted]
     with contextlib.closing(read_lines(path, progress, layout.errors, layout.encoding)) as lines:
         below = itertools.islice(lines, layout.head, None)
         rows = _rows(path, below, layout.delimiter, layout.head, blank=blank)
         if layout.units is not None:
             next(rows, None)
-        size = max(1, min(BLOCK_ROWS, BLOCK_CELLS // max(layout.width, 1)))
-        while block := list(itertools.islice(rows, size)):
-            if done + len(block) > most:
-                raise too_many_cells(path)
-            new = _shape(block, layout.width, done)
-            numbers = np.hstack(
-                [_numbers(block, cell, done, new, comma=layout.comma) for cell in wanted]
-            )
-            for column, values in zip(out, numbers.T, strict=True):
-                column.frombytes(values.tobytes())
-            new.sort(key=lambda fault: (fault.row, fault.cell.position if fault.cell else -1))
-            faults += new[: MAX_FAULTS - len(faults)]
-            done += len(block)
-    return dict(zip(names, map(np.frombuffer, out), strict=True)), faults
-
-
-def _shape(block: list[Row], width: int, done: int) -> list[Fault]:
-    """Give every row of a block its number of cells, and return where there were others."""
-    found = []
-    for i, (line, cells) in enumerate(block):
-        if len(cells) == width:
-            continue
-        if len(cells) == width + 1 and not cells[-1].strip():
-            cells.pop()  # a delimiter at its end
-        else:
-            found.append(Fault(done + i, line, None, count=len(cells)))
-            block[i] = line, [""] * width
-    return found
-
-
-def _numbers(
-    block: list[Row], cell: Cell, done: int, faults: list[Fault], *, comma: bool
-) -> np.ndarray:
-    """Return the numbers of one cell of the rows of a block (n, k): NaN where there is none, which
-    becomes a fault.
-    """
-    texts = [cells[cell.position] for _, cells in block]
-    if cell.size is None and is_plain("".join(texts)):
-        with contextlib.suppress(ValueError):  # not all are numbers
-            return np.fromiter(map(float, texts), float, len(texts))[:, None]
-    numbers = np.full((len(block), len(cell.names)), np.nan)
-    for i, text in enumerate(texts):
-        if comma and COMMA.fullmatch(text):
-            text = text.replace(",", ".")
-        try:
-            numbers[i] = parse_cell(text, cell.size)
-        except ValueError:
-            faults.append(Fault(done + i, block[i][0], cell, text))
-    return numbers
+        for row, (line, cells) in enumerate(rows):
+            if len(cells) == layout.width + 1 and not cells[-1].strip():
+                cells.pop()  # a delimiter at its end
+            faulty = []
+            if len(cells) != layout.width:
+                faulty.append(Fault(row, line, None, count=len(cells)))
+                cells = [""] * layout.width
+            for cell, size in zip(wanted, sizes, strict=True):
+                text = cells[cell.position]
+                try:
+                    numbers.extend(cell.numbers(text, comma=layout.comma))
+                except ValueError:
+                    numbers.extend([np.nan] * size)
+                    faulty.append(Fault(row, line, cell, text))
+            faults += faulty[: MAX_FAULTS - len(faults)]
+            if row % layout.block == 0:
+                require_cells(path, len(numbers))
+    return np.frombuffer(numbers).reshape(-1, sum(sizes)), faults
 
 
 def read_columns(
@@ -556,20 +612,6 @@ def parse_number(text: str) -> float:
         return WORDS[word]
     require(is_plain(text), text)
     return float(text)
-
-
-def parse_cell(text: str, size: int | None) -> float | list[float]:
-    """Return the number of a cell, or the numbers of a list, row by row where it holds lists; all
-    NaN for an empty cell.
-
-    Raises: ValueError: if there are not `size` numbers.
-    """
-    if size is None or text.strip().lower() in NAN:
-        return parse_number(text)
-    items = list_items(text)
-    if items is None or len(items) != size:
-        raise ValueError(text)
-    return [parse_number(item) for item in items]
 
 
 def as_unit(text: str) -> str:
