@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from np_drake.payload_filter.predictor import PayloadFilter as PayloadFilter
     from np_drake.references.harmonic import circle as circle
     from np_drake.references.harmonic import lemniscate as lemniscate
-    from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictor
+    from np_drake.residual_models.lifted_predictor import (
+        LiftedLinearPredictor as LiftedLinearPredictor,
+    )
     from np_drake.training_data.segments import Segment as Segment
     from np_drake.vehicle import Vehicle as Vehicle
     from np_drake.vehicle import load_vehicle as load_vehicle

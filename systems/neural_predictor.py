@@ -3,7 +3,7 @@
 from pydrake.common.value import Value
 
 from np_drake.residual_model import Memory
-from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
+from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
 from np_drake.vehicle import Vehicle
 from systems.residual_predictor import ResidualPredictor
 
@@ -47,7 +47,7 @@ class NeuralPredictor(ResidualPredictor):
 
     def __init__(
         self,
-        model: NeuralPredictorModel,
+        model: LiftedLinearPredictor,
         *,
         horizon: int,
         stride: int,

@@ -29,7 +29,7 @@ from np_drake.references.base import Reference
 from np_drake.residual_model import ReadsPlan, ResidualModel
 from np_drake.residual_models import motion_model
 from np_drake.residual_models.hold import Constant, DisturbanceObserver, Hold
-from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
+from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.trained_model import Trained, origin_of, require_origin, schema_of
 from np_drake.vehicle import Vehicle
@@ -174,7 +174,7 @@ def _add_predictor(
     Args:
         vehicle: that a forecast along a plan assumes; None: commands act at once.
     """
-    kind: Any = NeuralPredictor if isinstance(model, NeuralPredictorModel) else ResidualPredictor
+    kind: Any = NeuralPredictor if isinstance(model, LiftedLinearPredictor) else ResidualPredictor
     predictor = kind(model, horizon=config.mpc.horizon, stride=config.stride, vehicle=vehicle)
     return builder.AddNamedSystem("predictor", predictor)
 
@@ -340,8 +340,8 @@ def _observer(config: ControllerConfig, vehicle: Vehicle) -> DisturbanceObserver
     )
 
 
-def _neural_predictor(config: ControllerConfig, vehicle: Vehicle) -> NeuralPredictorModel:
-    found = NeuralPredictorModel.of(load_model(config.predictor or NP_MODEL))
+def _neural_predictor(config: ControllerConfig, vehicle: Vehicle) -> LiftedLinearPredictor:
+    found = LiftedLinearPredictor.of(load_model(config.predictor or NP_MODEL))
     _require_fit(found.model, found.step, config, vehicle, found.label)
     return found
 

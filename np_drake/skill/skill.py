@@ -15,7 +15,7 @@ from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.flight_forecasts import KNOWN, flight_forecasts
-from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
 from np_drake.trained_model import origin_of, require_origin
 from np_drake.training_data.segments import (
     Flight,
@@ -149,7 +149,7 @@ def naive_predictions(
 
 WARM_UP = 40  # samples before the first origin, at least [1]
 Model = LiftedModel | LpvModel | PayloadFilterModel
-Predictor = NeuralPredictor | PayloadFilter
+Predictor = LiftedLinearPredictor | PayloadFilter
 DIVERGED = 10.0  # longest forecast over longest label from which a flight counts as diverged [1]
 STEP_TOLERANCE = 0.02  # between a model's step and an array's [1]
 
@@ -174,7 +174,9 @@ def score_flights(
     rows: list[dict[str, Any]] = []
     name = model.configuration
     predictor: Predictor = (
-        PayloadFilter(model) if isinstance(model, PayloadFilterModel) else NeuralPredictor.of(model)
+        PayloadFilter(model)
+        if isinstance(model, PayloadFilterModel)
+        else LiftedLinearPredictor.of(model)
     )
     for number, flight in enumerate(flights, 1):
         segment, seen = _longest_flown(flight, predictor)
@@ -208,7 +210,7 @@ def _longest_flown(flight: Flight, predictor: Predictor) -> tuple[Segment, Sampl
         pieces = flown_segments(data, flight.vehicle, predictor, step=step)
     else:
         require(
-            isinstance(predictor, NeuralPredictor),
+            isinstance(predictor, LiftedLinearPredictor),
             f"{data.name}: must be a flight log, with attitude and command, for "
             f"{predictor.name}; got an array.",
         )

@@ -13,8 +13,7 @@ from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedMo
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Plan, ReadsPlan, Sample, constant_forecast
 from np_drake.residual_models.hold import Hold
-from np_drake.residual_models.neural_predictor import LiftedPredictor
-from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
+from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor, LiftedPredictor
 from np_drake.vehicle import Vehicle
 from systems.neural_predictor import NeuralPredictor
 from systems.residual_predictor import ResidualPredictor
@@ -91,7 +90,7 @@ def packaged():
 
 def predictor_on_labels(make=packaged):
     model = make()
-    system = NeuralPredictor if isinstance(model, NeuralPredictorModel) else ResidualPredictor
+    system = NeuralPredictor if isinstance(model, LiftedLinearPredictor) else ResidualPredictor
     dut, context = on_labels(system(model, horizon=N, stride=STRIDE))
     for name, values in zip(("plan_x", "plan_u"), HOVER, strict=True):
         if dut.HasInputPort(name):

@@ -29,8 +29,8 @@ from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_model import Memory, ResidualModel, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.flight_forecasts import MOTIONS, flight_forecasts
 from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
 from np_drake.residual_models.motion_model import GP, MotionModel, fit_gaussian_process
-from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.residual_models.predictor_training import fitted_lpv
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.accelerations import with_accelerations
@@ -196,22 +196,22 @@ def _segments(flights: Sequence[Opened]) -> list[Segment]:
     return segments
 
 
-def _paper(flights: Sequence[Opened]) -> NeuralPredictor:
+def _paper(flights: Sequence[Opened]) -> LiftedLinearPredictor:
     """Return the predictor of the paper with its usual settings, but for the window."""
     model = train(_segments(flights), make_config(PAPER, window=HISTORY)).model
-    return NeuralPredictor.of(model)
+    return LiftedLinearPredictor.of(model)
 
 
-def _network(flights: Sequence[Opened]) -> NeuralPredictor:
+def _network(flights: Sequence[Opened]) -> LiftedLinearPredictor:
     """Return the packaged network on the vehicle of these flights."""
     opened = [Flight(log, vehicle) for log, vehicle in flights]
-    return NeuralPredictor.of(fitted_lpv(load_model(NP_MODEL), opened, STEP))
+    return LiftedLinearPredictor.of(fitted_lpv(load_model(NP_MODEL), opened, STEP))
 
 
-def _tuned_network(flights: Sequence[Opened]) -> NeuralPredictor:
+def _tuned_network(flights: Sequence[Opened]) -> LiftedLinearPredictor:
     """Return the packaged network after more training on these flights."""
     model = fine_tuned(_network(flights).model, _segments(flights), epochs=EPOCHS)
-    return NeuralPredictor.of(model)
+    return LiftedLinearPredictor.of(model)
 
 
 def _payload_filter(flights: Sequence[Opened]) -> PayloadFilter:

@@ -16,7 +16,7 @@ from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSys
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel, save_model
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.config import ReferenceConfig
-from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import RateLoop
 
@@ -32,7 +32,7 @@ def circle(kind="payload_filter", delay=0.0, *, speed=1.5, **controller):
 
 
 def test_each_kind_flies_the_packaged_model_of_its_name_on_its_own_vehicle():
-    for kind, made in (("np", NeuralPredictor), ("payload_filter", PayloadFilter)):
+    for kind, made in (("np", LiftedLinearPredictor), ("payload_filter", PayloadFilter)):
         assert isinstance(make_residual_model(ControllerConfig(kind), Vehicle()), made)
         with pytest.raises(ValueError, match="mass"):
             make_residual_model(ControllerConfig(kind), Vehicle(mass=1.0))
@@ -43,7 +43,7 @@ def test_a_lifted_linear_system_flies_as_np(tmp_path):
     system = LiftedLinearSystem(0.9 * np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
     save_model(LiftedModel(MODE_DICTIONARY, system, Encoder(np.eye(6, 12))), path)
     config = ControllerConfig("np", predictor=str(path))
-    assert isinstance(make_residual_model(config, Vehicle()), NeuralPredictor)
+    assert isinstance(make_residual_model(config, Vehicle()), LiftedLinearPredictor)
     assert [kind_of_model(str(p)) for p in (path, FILTER_MODEL)] == ["np", "payload_filter"]
     with pytest.raises(ValueError, match="step must equal the period"):
         make_residual_model(dc.replace(config, period=0.01), Vehicle())

@@ -16,7 +16,7 @@ from np_drake.lifting.training import neural_lpv
 from np_drake.lifting.training.paper_training import IMAGES
 from np_drake.lifting.training.train import train
 from np_drake.residual_models.flight_forecasts import walk
-from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
 from np_drake.residual_models.predictor_training import fitted_lpv
 from np_drake.skill.skill import skill_table
 from np_drake.trained_model import delay_of, label_of, write_model
@@ -50,7 +50,7 @@ MODEL = NETWORK.model(STEP).in_numpy()
 
 def foreseen(model, rows: np.ndarray, at: int = 120) -> np.ndarray:
     """Every other wrench (21, 6) from sample `at` on, along the motion of rows [chi, zeta]."""
-    dut, flight = NeuralPredictor.of(model), of_wrenches(rows[:, :6], rows[:, 6:], model.step)
+    dut, flight = LiftedLinearPredictor.of(model), of_wrenches(rows[:, :6], rows[:, 6:], model.step)
     *_, (_, memory) = walk(dut, flight.rows(0, at + 1))
     motion = flight.zeta[at : at + 42].reshape(21, 2, 6).mean(axis=1)
     return dut.forecast(memory, horizon=21, stride=2).rollout(motion)
@@ -81,7 +81,7 @@ def test_no_network_makes_a_forecast_grow(theta):
 
 def test_other_loads_teach_the_force_of_an_unseen_one():
     loads = [oscillator(k, 8.0 + 4.0 * (k % 3), -(2.0 ** (k % 3))) for k in range(6)]
-    dut = NeuralPredictor.of(train(loads, CONFIG).model)
+    dut = LiftedLinearPredictor.of(train(loads, CONFIG).model)
     rows = skill_table({"np": dut}, FLIGHT.chi, FLIGHT.zeta, horizons=[20], mean=np.zeros(6))
     [ratio] = [row["force_ratio"] for row in rows if row["model"] == "np"]
     assert ratio < 0.8  # of the error of persistence

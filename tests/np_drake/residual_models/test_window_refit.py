@@ -13,7 +13,7 @@ from np_drake.lifting.model.lifted_linear_system import (
     stabilized,
 )
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
-from np_drake.residual_models.neural_predictor import window_refit
+from np_drake.residual_models.lifted_predictor import window_refit
 
 SCALE = np.array([1.5, 1.5, 1.5, 0.5, 0.5, 0.5])
 

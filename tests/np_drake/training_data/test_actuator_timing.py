@@ -8,7 +8,7 @@ import pytest
 from np_drake import labels, rigid_body
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.training.train import make_config
-from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
 from np_drake.residual_models.predictor_training import train_on_flights
 from np_drake.training_data.actuator_timing import delayed, learned_timing
 from np_drake.training_data.segments import Flight
@@ -47,7 +47,7 @@ def set_accelerations(log: FlightLog, commanded: FlightLog, lag: float, chi=np.z
 )
 def test_a_predictor_knows_how_its_labels_were_made(name, label, delay):
     config, flights = make_config(name, epochs=1), [Flight(flight(0.03, noise=0.1), Vehicle())]
-    dut = NeuralPredictor.of(train_on_flights(flights, config, step=STEP).model)
+    dut = LiftedLinearPredictor.of(train_on_flights(flights, config, step=STEP).model)
     assert dut.rotor_lag == pytest.approx(0.03, abs=0.003)  # [s]
     assert (dut.label, dut.delay) == (label, delay)
 

@@ -18,7 +18,7 @@ from np_drake.lifting.model.lifted_model import (
     load_model,
     save_model,
 )
-from np_drake.residual_models.neural_predictor import LiftedPredictor
+from np_drake.residual_models.lifted_predictor import LiftedPredictor
 from np_drake.trained_model import require_origin, rotor_lag_of
 
 

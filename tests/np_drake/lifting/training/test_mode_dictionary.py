@@ -16,7 +16,7 @@ from np_drake.lifting.training.mode_dictionary import (
 )
 from np_drake.lifting.training.train import train
 from np_drake.residual_model import Sample
-from np_drake.residual_models.neural_predictor import LiftedPredictor
+from np_drake.residual_models.lifted_predictor import LiftedPredictor
 from np_drake.skill.skill import skill_table
 from np_drake.training_data.segments import Segment, of_wrenches
 

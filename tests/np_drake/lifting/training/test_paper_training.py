@@ -23,7 +23,7 @@ from np_drake.lifting.training.paper_training import (
     window_fit,
 )
 from np_drake.lifting.training.train import train
-from np_drake.residual_models.neural_predictor import LiftedPredictor
+from np_drake.residual_models.lifted_predictor import LiftedPredictor
 from np_drake.skill.skill import skill_table
 
 CONFIG = PaperConfig(epochs=2, spacing=20)

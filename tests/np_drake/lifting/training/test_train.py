@@ -11,7 +11,7 @@ from np_drake.lifting.training.neural_lpv import NeuralLpvConfig
 from np_drake.lifting.training.paper_training import PaperConfig
 from np_drake.lifting.training.train import make_config, train
 from np_drake.residual_models.flight_forecasts import walk
-from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
 from np_drake.training_data.segments import Segment, group_scale, of_wrenches, white_noise
 
 
@@ -32,7 +32,7 @@ def test_the_seed_decides_and_progress_ascends_to_its_total(config, dithered, tm
 )
 def test_a_flight_that_shows_nothing_teaches_to_hold(config, zeta):
     still = Segment(np.tile([0.0, 0.0, -2.5, 0.0, 0.0, 0.0], (300, 1)), np.zeros((300, 6)), 0.02)
-    dut = NeuralPredictor.of(train([still], config).model)
+    dut = LiftedLinearPredictor.of(train([still], config).model)
     *_, (_, memory) = walk(dut, of_wrenches(still.chi, still.zeta, 0.02))
     ahead = dut.forecast(memory, horizon=41, stride=1).rollout(np.full((41, 6), zeta))
     np.testing.assert_allclose(ahead[:, 2], -2.5, atol=0.1)  # [N]

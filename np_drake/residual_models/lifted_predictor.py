@@ -17,7 +17,7 @@ from np_drake.trained_model import delay_of, label_of, rotor_lag_of
 CUTOFF = 4.0  # of the low-pass on held labels [Hz]
 
 
-class NeuralPredictor(ABC):
+class LiftedLinearPredictor(ABC):
     """Predictor z = Phi(window);  z+ = A z + B zeta;  chi_hat = C z, whatever Phi, A and B are.
 
     Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); lowpass (6,) of the labels; count
@@ -48,7 +48,7 @@ class NeuralPredictor(ABC):
         self._longest = longest
 
     @staticmethod
-    def of(model: LiftedModel | LpvModel) -> "NeuralPredictor":
+    def of(model: LiftedModel | LpvModel) -> "LiftedLinearPredictor":
         """Return the predictor of a model of any configuration."""
         return LpvPredictor(model) if isinstance(model, LpvModel) else LiftedPredictor(model)
 
@@ -128,12 +128,12 @@ class NeuralPredictor(ABC):
         return bool(memory["count"][0] >= self._enough)
 
 
-class LiftedPredictor(NeuralPredictor):
+class LiftedPredictor(LiftedLinearPredictor):
     """Predictor of one system, or of one that is refit in flight.
 
-    Memory: as of `NeuralPredictor`; where A (K, K) and B (K, 6) change in flight, these, and rows
-    (refit, K + 6), what the refit reads of each sample, lifted once, zero before the first window
-    was full; where the model has a `trust`, its memory, as trust/….
+    Memory: as of `LiftedLinearPredictor`; where A (K, K) and B (K, 6) change in flight, these, and
+    rows (refit, K + 6), what the refit reads of each sample, lifted once, zero before the first
+    window was full; where the model has a `trust`, its memory, as trust/….
 
     Args:
         model: `paper` or `mode-dictionary`.
@@ -171,12 +171,12 @@ class LiftedPredictor(NeuralPredictor):
         return {"z": z, "A": A, "B": B, "rows": rows}
 
 
-class LpvPredictor(NeuralPredictor):
+class LpvPredictor(LiftedLinearPredictor):
     """Predictor whose A, B and C a network writes at every sample.
 
-    Memory: as of `NeuralPredictor`, the window of 100 samples, before it is full the first one in
-    the place of those that lack; theta, what the network wrote at the last label; energy (2, P +
-    2), decaying means that it reads. Without a label z moves on by the system of theta.
+    Memory: as of `LiftedLinearPredictor`, the window of 100 samples, before it is full the first
+    one in the place of those that lack; theta, what the network wrote at the last label; energy
+    (2, P + 2), decaying means that it reads. Without a label z moves on by the system of theta.
     """
 
     def __init__(self, model: LpvModel):

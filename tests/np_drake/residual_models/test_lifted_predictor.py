@@ -11,7 +11,7 @@ from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSys
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.lifting.model.lpv_model import NEURAL_LPV, PARAMETERS, LpvModel
 from np_drake.residual_model import Sample
-from np_drake.residual_models.neural_predictor import LiftedPredictor, NeuralPredictor
+from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor, LiftedPredictor
 from np_drake.trained_model import Perceptron
 
 D, STEP = 4, 0.02
@@ -46,7 +46,7 @@ def sequence(n: int) -> list[Sample]:
     return samples
 
 
-def fed(dut: NeuralPredictor, samples: list[Sample]) -> dict[str, np.ndarray]:
+def fed(dut: LiftedLinearPredictor, samples: list[Sample]) -> dict[str, np.ndarray]:
     memory = dut.initial_memory()
     for sample in samples:
         memory = dut.update(memory, sample)
@@ -114,7 +114,7 @@ EVERY = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 @settings(max_examples=20)
 @EVERY
 def test_no_samples_make_the_forecast_unusable_or_change_a_memory(model, course):
-    dut = NeuralPredictor.of(model)
+    dut = LiftedLinearPredictor.of(model)
     memory = dut.initial_memory()
     for kind, sample in zip(course, sequence(len(course)), strict=True):
         chi = GAP if kind in ("label", "both") else sample.chi * (1e3 if kind == "huge" else 1.0)
@@ -131,7 +131,7 @@ def test_no_samples_make_the_forecast_unusable_or_change_a_memory(model, course)
 
 
 def test_a_scheduled_model_forecasts_through_a_gap():
-    dut, samples = NeuralPredictor.of(lpv_model()), without(sequence(101), range(1, 101))
+    dut, samples = LiftedLinearPredictor.of(lpv_model()), without(sequence(101), range(1, 101))
     first, zeta = fed(dut, samples[:1]), np.array([s.x[7:] for s in samples[:100]])
     assert not dut.forecast(dut.initial_memory(), horizon=100, stride=1).rollout(zeta).any()
     ahead = dut.forecast(first, horizon=100, stride=1).rollout(zeta)[1:]
