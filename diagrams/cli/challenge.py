@@ -12,8 +12,8 @@ from diagrams.batch.run import require
 from diagrams.cli.verb import OUT, Report, Run, Verbs, reports, say
 from diagrams.evidence.challenge.answers import case_folders, read_answered_cases, solve
 from diagrams.evidence.challenge.make import check_request, make
-from diagrams.evidence.challenge.score import score
-from diagrams.evidence.challenge.score_tables import calibration_figure, missed, set_lines, tables
+from diagrams.evidence.challenge.score import missed, score, tables
+from diagrams.evidence.scoring import calibration_figure
 
 challenge = Verbs(help="Withheld-effect challenge sets.", add_completion=False)
 
@@ -134,7 +134,10 @@ def _score(
         [*tables(result, visible), *(missed(result) if misses else [])],
         config={"answers": answers, "truth": truth, "visible": visible},
         metrics=result,
-        summary=set_lines(result),
+        summary=[
+            f"{part['group']}: {part['cases']} cases, seed {', '.join(map(str, part['seeds']))}"
+            for part in result["sets"]
+        ],
         warnings=result["warnings"],
         figures={"reliability.png": lambda: calibration_figure({"named causes": bins})}
         if bins

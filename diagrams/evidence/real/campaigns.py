@@ -319,7 +319,9 @@ def _campaign(nominal: dict, truth: dict, rule: dict, **more: Any) -> Campaign:
 
 _FACTS = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
 RULE = tuple(_FACTS["rule"])
-ASKED = tuple(_FACTS["asked"])
+CASES = _FACTS["cases"]
+ASKED = _FACTS["asked"]
+BINS = _FACTS["bins"]
 CAMPAIGNS = tuple(_campaign(**fields) for fields in _FACTS["campaigns"])
 GROUPS = tuple(campaign.group for campaign in CAMPAIGNS)
 

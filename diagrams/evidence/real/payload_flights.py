@@ -13,8 +13,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from typer import Option
 
 from diagrams.batch.run import Report, Run, every_result, require
-from diagrams.evidence.challenge.score_tables import table
 from diagrams.evidence.real.campaigns import block_name, campaign_of, numbered_blocks
+from diagrams.evidence.scoring import table
 from diagrams.evidence.studies.options import REAL_FLIGHTS, RealFlights, chosen, required
 from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from np_drake import rigid_body

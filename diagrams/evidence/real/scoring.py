@@ -14,10 +14,16 @@ from typer import Option
 
 from diagrams.batch.run import FailedRun, Report, Run, Table, failures
 from diagrams.evidence.challenge.answers import ANSWER_FILE, REAL_ANSWER, read_answer
-from diagrams.evidence.challenge.score import SURE, calibration
-from diagrams.evidence.challenge.score_tables import calibration_figure, table
 from diagrams.evidence.real import campaigns
 from diagrams.evidence.real.campaigns import DRAG, GROUND, PAYLOAD, PLACE, WINDS, Truth, campaign_of
+from diagrams.evidence.scoring import (
+    SURE,
+    aggregate,
+    calibration,
+    calibration_figure,
+    listed,
+    table,
+)
 from diagrams.evidence.studies.options import REAL_FLIGHTS, Group, Neurobem, RealFlights, required
 from diagrams.gap.drake_replay import DrakeReplay
 from np_drake.diagnosis.diagnose import diagnose
@@ -38,7 +44,6 @@ from np_drake.vehicle import Vehicle
 THIS = "this"
 BIC = "BIC"
 STEP = 0.02  # between the instants at which a force is averaged [s]
-PROBABILITIES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.97, 1.0001)  # edges of bins [1]
 TOP = 5  # names that are shown of a method
 DIRECTION = np.array([-1.0, 0.0])  # of the wind of the fans in the plane [1]
 # Asked of a wind: figure, what it should be, and within what. Its speed only up to 6 m/s, to which
@@ -53,13 +58,14 @@ BESIDE_WIND = {"mass_error", "clock_offset"}  # no names beside a wind
 
 def effects_of(answer: Mapping[str, Any], names: Iterable[str]) -> list[Effect]:
     """Return the effects of an answer at their values, as far as the library knows them."""
-    found = []
+    effects = []
     for cause in answer["causes"]:
         kind = library_causes().get(cause["effect"]) if cause["effect"] in names else None
-        given = cause.get("parameters", {})
-        told = {p.name: given.get(p.name, {}).get("value") for p in getattr(kind, "parameters", ())}
-        found += [kind(**{n: v for n, v in told.items() if v is not None})] if kind else []
-    return found
+        if kind:
+            given = {name: of.get("value") for name, of in cause.get("parameters", {}).items()}
+            values = {p.name: given.get(p.name) for p in kind.parameters}
+            effects.append(kind(**{n: v for n, v in values.items() if v is not None}))
+    return effects
 
 
 def mean_force(flights: Iterable[FlightLog], vehicle: Vehicle) -> np.ndarray:
@@ -131,39 +137,43 @@ def score_case(
     case = next(case for case in cases if case.name == record["name"])
     campaign = campaign_of(case.group)
     vehicle = campaign.nominal
-    truth = campaign.truth
     train = campaign.logs(case.train)
-    found: dict[str, Any] = {
+    methods: dict[str, Any] = {}
+    result: dict[str, Any] = {
         "group": case.group,
         "vehicle": campaign.vehicle,
         "case": case.name,
         **({"wind": case.speed} if case.speed else {}),
+        "methods": methods,
     }
     if answers is None:
+        replayed = DrakeReplay(vehicle) if replay else None
         diagnosis = diagnose(
             vehicle,
             train,
             campaign.open_flights(case.held_out),
-            DrakeReplay(vehicle) if replay else None,
+            replayed,
             adaptive_split=case.second,
             before=campaign.logs(case.before),
         )
-        found["answer"] = diagnosis.as_json()
-    answer = found.get("answer")
-    if answers is not None:
+        answer: dict[str, Any] | None = diagnosis.as_json()
+        result["answer"] = answer
+    else:
         answer = read_answer(answers / case.folder / ANSWER_FILE, REAL_ANSWER)
-    methods = {} if answer is None else {THIS: scored(answer, truth, [log.name for log in train])}
+    if answer is not None:
+        methods[THIS] = scored(answer, campaign.truth, [log.name for log in train])
     if case.still:
         calm = mean_force(campaign.logs(case.still), vehicle)
         force = mean_force(train, vehicle) - calm
-        found["force"] = force.tolist()
-        for own in methods.values():
-            effects = effects_of(answer or {}, own["causes"])
-            own["wind"] = wind_figures(effects, train, vehicle, force, case.speed)
+        result["force"] = force.tolist()
+        if answer is not None:
+            effects = effects_of(answer, methods[THIS]["causes"])
+            figures = wind_figures(effects, train, vehicle, force, case.speed)
+            methods[THIS]["wind"] = figures
     flights = [make_flight_residuals(log, vehicle) for log in train]
     y = np.concatenate([e.y[:, :WRENCH] for e in flights])
-    methods[BIC] = verdict(select_by_bic(y, library_columns(flights)), truth)
-    return found | {"methods": methods}
+    methods[BIC] = verdict(select_by_bic(y, library_columns(flights)), campaign.truth)
+    return result
 
 
 def scored(answer: Mapping[str, Any], truth: Truth, fitted: Iterable[str] = ()) -> dict[str, Any]:
@@ -180,23 +190,23 @@ def scored(answer: Mapping[str, Any], truth: Truth, fitted: Iterable[str] = ()) 
     def absent(cause: Mapping[str, Any]) -> bool:
         return bool(fit) and fit <= set(cause.get("absent_from") or ())
 
-    own = [c for c in answer["causes"] if not absent(c) and c.get("changed", True)]
+    fitted_causes = [c for c in answer["causes"] if not absent(c) and c.get("changed", True)]
     new = (cause["effect"] for cause in (*answer["causes"], *second) if absent(cause))
     unknown = float(answer.get("unknown_probability") or 0.0)
-    causes = {cause["effect"]: float(cause["probability"]) for cause in own}
+    causes = {cause["effect"]: float(cause["probability"]) for cause in fitted_causes}
     if UNKNOWN in truth.present:
         causes[UNKNOWN] = unknown
     if any(finding["name"] == PLACE for finding in answer.get("remains", ())):
         causes[PLACE] = unknown
-    begun = (c for c in own if set((c.get("onset") or {}).values()) - {None})
+    begun = (c for c in fitted_causes if set((c.get("onset") or {}).values()) - {None})
     shrink = answer.get("shrink") or {}
     return {
         **verdict(causes, truth, [cause["effect"] for cause in begun]),
-        "parameters": {cause["effect"]: cause.get("parameters", {}) for cause in own},
+        "parameters": {c["effect"]: c.get("parameters", {}) for c in fitted_causes},
         "unknown": unknown,
         "fraction": (shrink.get("residual") or {}).get("fraction"),
         "replay": shrink.get("replay"),
-        # A wind that it, or its second answer, finds in held-out flights alone.
+        # A wind that it, or its second answer, names in held-out flights alone.
         "new_condition": next((name for name in new if name in WINDS), ""),
         "seconds": answer.get("wall"),
     }
@@ -204,14 +214,12 @@ def scored(answer: Mapping[str, Any], truth: Truth, fitted: Iterable[str] = ()) 
 
 def verdict(causes: Mapping[str, float], truth: Truth, late: Sequence[str] = ()) -> dict[str, Any]:
     """Return the probabilities, whether all that is named is right, and names that are wrong."""
-    right = truth.right(causes, late)
-    wrong = truth.wrong(causes, late)
     return {
         "causes": dict(causes),
         "late": list(late),
         "parameters": {},
-        "right": right,
-        "wrong": wrong,
+        "right": truth.right(causes, late),
+        "wrong": truth.wrong(causes, late),
     }
 
 
@@ -233,13 +241,13 @@ def library_columns(flights: Sequence[FlightResiduals]) -> list[Columns]:
     """Return the columns of the library's effects that act on the wrench, of a steady wind (a
     constant force in W, one a newton along each axis), and of payloads at the end of a tether.
     """
-    found = [
-        (own.identifiers[0], np.concatenate([own.columns[e.name][:, :WRENCH] for e in flights]))
-        for own in library_candidates(flights)
+    library = [
+        (one.identifiers[0], np.concatenate([one.columns[e.name][:, :WRENCH] for e in flights]))
+        for one in library_candidates(flights)
     ]
     force = np.concatenate([e.R_WB.transpose(0, 2, 1) for e in flights])
     wind = np.concatenate([force, np.zeros_like(force)], axis=1)
-    acting = [(name, X) for name, X in found if np.any(X)]
+    acting = [(name, X) for name, X in library if np.any(X)]
     return [*acting, *payload_columns(flights), ("constant_wind", wind)]
 
 
@@ -259,7 +267,7 @@ def payload_columns(flights: Sequence[FlightResiduals]) -> list[Columns]:
         X[:, here, :3, 0] = force[:, 0]
         X[:, here, :3, 1 + 4 * i : 5 + 4 * i] = np.moveaxis(force[:, 1:] - force[:, :1], 1, -1)
     X[..., 1:] *= SHARE * flights[0].vehicle.mass  # start states count in products with the mass
-    return [("suspended_payload", own) for own in X]
+    return [(PAYLOAD, columns) for columns in X]
 
 
 def _pulls(e: FlightResiduals, lengths: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -301,11 +309,9 @@ def fit(y: np.ndarray, chosen: Sequence[Columns]) -> tuple[np.ndarray, float]:
     return c, -2.0 * len(y) * float(np.sum(np.log(weights[used]))) + size
 
 
-def _weights(left: np.ndarray) -> np.ndarray:
-    """Return one over the RMS of what is left in each channel (6,); zero for a channel that is
-    empty.
-    """
-    rms = np.sqrt(np.mean(left**2, axis=0))
+def _weights(residual: np.ndarray) -> np.ndarray:
+    """Return one over the RMS of each channel (6,); zero for a channel that is empty."""
+    rms = np.sqrt(np.mean(residual**2, axis=0))
     return np.where(rms > 0, 1 / np.where(rms > 0, rms, 1.0), 0.0)
 
 
@@ -336,45 +342,19 @@ def select_by_bic(y: np.ndarray, columns: Sequence[Columns]) -> dict[str, float]
     while len(chosen) < MOST:
         taken = {name for name, _ in chosen}
         weights = _weights(y - _joined(chosen, y) @ c)
-        rated = sorted((own for own in columns if own[0] not in taken), key=misfit)[:TRIED]
-        fits = [(*fit(y, [*chosen, own]), own) for own in rated]
+        rated = sorted((one for one in columns if one[0] not in taken), key=misfit)[:TRIED]
+        fits = [(*fit(y, [*chosen, one]), one) for one in rated]
         if not fits or min(value for _, value, _ in fits) >= bic:
             break
-        c, bic, own = min(fits, key=lambda found: found[1])
-        chosen.append(own)
-    without = {own[0]: fit(y, [o for o in chosen if o is not own])[1] for own in chosen}
+        c, bic, best = min(fits, key=lambda fitted: fitted[1])
+        chosen.append(best)
+    without = {one[0]: fit(y, [o for o in chosen if o is not one])[1] for one in chosen}
     return {name: float(scipy.special.expit((other - bic) / 2)) for name, other in without.items()}
 
 
 # All cases, by method
 
-EVERY = [c.group for c in campaigns.CAMPAIGNS if not c.before]
-CASES = {
-    "healthy": [c.group for c in campaigns.CAMPAIGNS if c.truth.healthy and not c.before],
-    "calm": [c.group for c in campaigns.CAMPAIGNS if c.truth.healthy and c.before],
-    "since": [c.group for c in campaigns.CAMPAIGNS if c.before and not c.truth.healthy],
-    "every": EVERY,
-    "known": EVERY[:-1],  # all but NeuroBEM
-    "payload": ["payload", "crazyswarm2-payload"],
-    "command": ["payload-command"],  # the payload flights of another group once more
-    "ground": ["swarm-ground-small", "swarm-ground-large"],
-}
-
-
-def calibrated(judged: Iterable[Sequence[tuple[float, bool]]]) -> dict[str, Any]:
-    """Return the calibration of names of which the truth is known."""
-    return calibration([pair for own in judged for pair in own], PROBABILITIES, side="right")
-
-
-GATHER = {
-    "count": lambda values: f"{sum(values)} of {len(values)}",
-    "sum": lambda values: str(sum(values)),
-    "median": lambda values: f"{np.median(values):g}",
-    "mean": lambda values: f"{np.mean(values):.2f}",
-    "seconds": lambda values: f"{np.median(values):.1f}",
-    "most": lambda values: f"{max(values):.1f}",
-    "calibration": lambda values: calibrated(values)["ece"],
-}
+SIZES = ["parameter", "asked", "told", "within", "covered", "error"]
 
 
 def estimates(answer: Mapping[str, Any], truth: Truth) -> list[dict[str, Any]]:
@@ -385,10 +365,10 @@ def estimates(answer: Mapping[str, Any], truth: Truth) -> list[dict[str, Any]]:
     lines = []
     for name, known in truth.parameters.items():
         true = known["value"]
-        least, most = (known["value"] * bound for bound in known["asked"])
-        own = given.get(name, {})
-        value = own.get("value")
-        low, high = own.get("ci95") or (None, None)
+        least, most = (true * bound for bound in known["asked"])
+        estimate = given.get(name, {})
+        value = estimate.get("value")
+        low, high = estimate.get("ci95") or (None, None)
         lines.append(
             {
                 "parameter": name,
@@ -404,60 +384,74 @@ def estimates(answer: Mapping[str, Any], truth: Truth) -> list[dict[str, Any]]:
 
 def outcome(record: Mapping[str, Any], by: str) -> dict[str, Any]:
     """Return all that counts of a method in a case; None where it does not count."""
-    own = record["methods"][by]
-    truth = campaign_of(record["group"]).truth
-    causes = own["causes"]
-    fans = record.get("wind")
-    wind = own.get("wind", {})
+    method = record["methods"][by]
+    campaign = campaign_of(record["group"])
+    truth = campaign.truth
+    causes = method["causes"]
+    wind = method.get("wind", {})
     names = set(campaigns.named(causes))
-    sizes = estimates(own, truth)
-    holds = {name: truth.holds(name, own["late"]) for name in causes}
+    sizes = estimates(method, truth)
     within = {line["parameter"]: line["within"] for line in sizes}
+    fans = record.get("wind")
     near = {
         figure: figure in wind and abs(wind[figure] - about) <= most
         for figure, (about, most) in WITHIN.items()
         if fans and (figure != "speed" or fans <= GENTLE)
     }
-    gained = own.get("fraction")
-    replay = own.get("replay") or {}
-    flown = {
-        f"{horizon:g} s {when}": 100 * replay[when]["position"][k]
-        for k, horizon in enumerate(replay.get("horizon", ()))
-        for when in ("before", "after")
-        if replay.get(when)
-    }
-    shown = [
-        f"{name.upper() if holds[name] is False else name} {p:.2f}"
-        for name, p in sorted(causes.items(), key=lambda pair: -pair[1])
-    ]
-    more = [f"and {len(shown) - TOP} more"] if len(shown) > TOP else []
+    gained = method.get("fraction")
+    judged = [(name, p, truth.holds(name, method["late"])) for name, p in causes.items()]
     return {
         **{key: record[key] for key in ("group", "case")},
         "by": by,
-        "right": own["right"],
-        "false": bool(own["wrong"]),
+        "healthy": truth.healthy,
+        "since": bool(campaign.before),
+        "right": method["right"],
+        "false": bool(method["wrong"]),
         "beyond": len(names - {DRAG, "quadratic_drag", PLACE, UNKNOWN}),
         "worse": None if gained is None else bool(gained < 0 and names),
-        "unknown": None if by == BIC else own["unknown"] > campaigns.NAMED,
+        "unknown": None if by == BIC else method["unknown"] > campaigns.NAMED,
         "payload": PAYLOAD in names,
         **within,
         "covered": all(line["covered"] for line in sizes) if sizes else None,
         "ground": GROUND in names and within.get("effective_radius", False),
         "blown": DRAG in names and bool(names & set(WINDS)) and not names & BESIDE_WIND,
         **near,
-        "new": None if by == BIC else bool(own["new_condition"]),
-        "sure": sum(causes[name] > SURE for name in own["wrong"]),
-        "judged": [(p, holds[n]) for n, p in causes.items() if holds[n] is not None],
-        "seconds": own.get("seconds"),
-        "replay": flown,
+        "new": None if by == BIC else bool(method["new_condition"]),
+        "sure": sum(causes[name] > SURE for name in method["wrong"]),
+        "judged": judged,
+        "seconds": method.get("seconds"),
+        "replay": _replay_errors(method.get("replay") or {}),
         "sizes": sizes,
-        "names": ", ".join([*shown[:TOP], *more]) or "nothing",
+        "names": _names(judged),
     }
+
+
+def _replay_errors(replay: Mapping[str, Any]) -> dict[str, float]:
+    """Return the position errors of the replay before and after, by horizon [cm]."""
+    return {
+        f"{horizon:g} s {when}": 100 * replay[when]["position"][k]
+        for k, horizon in enumerate(replay.get("horizon", ()))
+        for when in ("before", "after")
+        if replay.get(when)
+    }
+
+
+def _names(judged: Sequence[tuple[str, float, bool | None]]) -> str:
+    """Return the most probable names with their probabilities, wrong ones in capitals."""
+    shown = [
+        f"{name.upper() if right is False else name} {p:.2f}"
+        for name, p, right in sorted(judged, key=lambda name: -name[1])
+    ]
+    more = [f"and {len(shown) - TOP} more"] if len(shown) > TOP else []
+    return ", ".join([*shown[:TOP], *more]) or "nothing"
 
 
 def calibrations(rows: pd.DataFrame) -> dict[str, list[dict[str, Any]]]:
     """Return the calibration of names by method, by bin of probability."""
-    return {by: calibrated(own["judged"])["bins"] for by, own in rows.groupby("by", sort=False)}
+    return {
+        str(by): calibration(of["judged"], **campaigns.BINS)["bins"]
+        for by, of in rows.groupby("by", sort=False)
+    }
 
 
 def outcomes(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -474,11 +468,12 @@ def asked_figures(rows: pd.DataFrame) -> list[dict[str, Any]]:
     lines = []
     for line in campaigns.ASKED:
         column = line["column"]
-        gather = GATHER[line["gather"]]
-        own = rows[rows["group"].isin(CASES.get(line["of"], [line["of"]]))]
-        if column in own and own[column].notna().any():
-            told = own.dropna(subset=[column]).groupby("by", sort=False)[column]
-            cells = {by: gather(values.tolist()) for by, values in told}
+        counted = rows.query(campaigns.CASES.get(line["of"], f"group == '{line['of']}'"))
+        if column in counted and counted[column].notna().any():
+            known = counted.dropna(subset=column).groupby("by", sort=False)
+            figures = {by: aggregate(of, line) for by, of in known}
+            text = line.get("text")
+            cells = {by: text.format(figure) if text else figure for by, figure in figures.items()}
             lines.append({"asked": line["asked"], "wanted": line["wanted"], **cells})
     return lines
 
@@ -490,43 +485,33 @@ def tables(rows: pd.DataFrame) -> list[Table]:
     cases = rows.groupby(keys, sort=False)
     groups = cases.size().to_frame("n").join(cases[counts].sum(min_count=1))
     groups = groups.join(cases["seconds"].agg(["median", "max"]))
-    sizes = pd.DataFrame(
-        {"group": row.group, "by": row.by, **line}
-        for row in rows.itertuples()
-        for line in row.sizes
-    )
-    if len(sizes):
-        by_parameter = sizes[sizes["told"]].groupby(
-            ["group", "parameter", "asked", "by"], sort=False
-        )
-        sizes = by_parameter[["told", "within", "covered"]].sum()
-        sizes = sizes.join(by_parameter["error"].agg(["median", "min", "max"])).reset_index()
+    sizes = listed(rows, "sizes", SIZES).query("told")
+    by_parameter = sizes.groupby(["group", "parameter", "asked", "by"], sort=False)
+    parameters = by_parameter[["told", "within", "covered"]].sum()
+    parameters = parameters.join(by_parameter["error"].agg(["median", "min", "max"]))
     flown = pd.DataFrame(rows["replay"].tolist(), index=rows.index).join(rows[keys])
-    replays = flown.groupby(keys, sort=False).median().dropna(how="all").reset_index()
-    bins = [{"by": by, **row} for by, own in calibrations(rows).items() for row in own]
-    told = [
-        {key: row[key] for key in ("by", "lower", "upper", "n", "mean", "rate")} for row in bins
-    ]
+    replays = flown.groupby(keys, sort=False).median().dropna(how="all")
+    bins = [{"by": by, **row} for by, of in calibrations(rows).items() for row in of]
+    judged = pd.DataFrame(bins, columns=["by", "lower", "upper", "n", "mean", "rate"])
+    names = rows.assign(case=rows["group"] + ": " + rows["case"])[["case", "by", "names"]]
     return [
         *table("asked of the diagnosis; BIC: forward selection", asked_figures(rows)),
         *table(
             "cases: known cause named and no false name; with a false name; names beyond drag; "
             "named, and held out worse; unknown; seconds, median and most",
-            groups.reset_index().to_dict("records"),
+            groups.reset_index(),
         ),
         *table(
             "parameters of known causes [SI]: told, within what is asked, covered by the 95 % "
             "interval; error: median and range [%]",
-            sizes.to_dict("records"),
+            parameters.reset_index(),
         ),
-        *table("position error of the replay, median over cases [cm]", replays.to_dict("records")),
-        *table("names of which the truth is known, by reported probability", told),
+        *table("position error of the replay, median over cases [cm]", replays.reset_index()),
+        *table("names of which the truth is known, by reported probability", judged),
         *table(
             f"names and probabilities, the first {TOP}; WRONG ones in capitals, those above "
             f"{campaigns.NAMED:g} count",
-            rows.assign(case=rows["group"] + ": " + rows["case"])[["case", "by", "names"]].to_dict(
-                "records"
-            ),
+            names,
         ),
     ]
 
@@ -599,9 +584,9 @@ def run(
     bins = calibrations(rows) if records else {}
 
     def write(out: Path) -> None:
-        for own, answer in made.items():
-            (out / "answers" / own).mkdir(parents=True, exist_ok=True)
-            write_json(out / "answers" / own / ANSWER_FILE, answer)
+        for case_folder, answer in made.items():
+            (out / "answers" / case_folder).mkdir(parents=True, exist_ok=True)
+            write_json(out / "answers" / case_folder / ANSWER_FILE, answer)
 
     return Report(
         tables(rows) if records else [],

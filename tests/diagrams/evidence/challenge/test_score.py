@@ -7,13 +7,14 @@ from diagrams.evidence.challenge.score import (
     detection,
     errors_of,
     matches,
+    missed,
     onset_errors,
     outcome,
     relative_gap_reduction,
     replay_reduction,
     score,
+    tables,
 )
-from diagrams.evidence.challenge.score_tables import missed, tables
 from tests.diagrams.evidence.challenge import hand_made as by_hand
 
 
