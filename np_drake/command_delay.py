@@ -59,8 +59,8 @@ class DelayFilter:
         self._vehicle = vehicle
         self._known = round(FINE * known / step)
         pace = ratios(vehicle).clock
-        own = vehicle.rotor_time_constant
-        lags = (own,) if own > 0 else tuple(pace * lag for lag in LAGS)
+        known_lag = vehicle.rotor_time_constant
+        lags = (known_lag,) if known_lag > 0 else tuple(pace * lag for lag in LAGS)
         decay = [
             rotor_decay(dc.replace(vehicle, rotor_time_constant=lag), step / FINE) for lag in lags
         ]
@@ -129,8 +129,8 @@ class DelayFilter:
         if self.track:
             # Log likelihood of normal steps with these mean squares, each channel's variance
             # unknown; of every delay the likeliest lag, and of all the likeliest delay.
-            own = -0.5 * (min(seen[0], self._window) / SHARED)
-            logarithm = (own * np.log(squares + 1e-300).sum(axis=-1)).max(axis=0)
+            factor = -0.5 * (min(seen[0], self._window) / SHARED)
+            logarithm = (factor * np.log(squares + 1e-300).sum(axis=-1)).max(axis=0)
             logarithm[int(memory["delay"][0])] += believed_before(len(logarithm))
             new["delay"] = np.array([float(np.argmax(logarithm))])
         return new
@@ -164,9 +164,9 @@ def acting_command(sent: np.ndarray, delay: float) -> np.ndarray:
         sent: (KEPT, 4) commands, the newest first, each sent at the start of a period.
         delay: [periods].
     """
-    whole = int(delay)
-    part = delay - whole
-    return (1 - part) * sent[whole] + part * sent[whole + 1]
+    full = int(delay)
+    part = delay - full
+    return (1 - part) * sent[full] + part * sent[full + 1]
 
 
 def commands_under_way(sent: np.ndarray, parts: int) -> np.ndarray:

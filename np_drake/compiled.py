@@ -23,13 +23,13 @@ class Notice(event.Listener):
     """
 
     def __init__(self) -> None:
-        self._said = False
+        self._shown = False
 
     def on_start(self, event: Any) -> None:
         """Take note that a function is being compiled."""
         module = event.data["dispatcher"].py_func.__module__
-        if not self._said and module.partition(".")[0] in FLOORS:
-            self._said = True
+        if not self._shown and module.partition(".")[0] in FLOORS:
+            self._shown = True
             _log.log(logging.WARNING if sys.stderr.isatty() else logging.INFO, NOTICE)
 
     def on_end(self, event: Any) -> None:

@@ -58,8 +58,9 @@ class Neighbour:
         """Return the position in W at t (...,) [s], (..., 3) [m]; NaN before its first row and
         after its last.
         """
-        columns = [np.interp(t, self.t, column, left=np.nan, right=np.nan) for column in self.p.T]
-        return np.stack(columns, axis=-1)
+        position = np.stack([np.interp(t, self.t, column) for column in self.p.T], axis=-1)
+        inside = (self.t[0] <= np.asarray(t)) & (np.asarray(t) <= self.t[-1])
+        return np.where(inside[..., None], position, np.nan)
 
 
 @dc.dataclass(repr=False)
@@ -175,14 +176,14 @@ class FlightLog:
         """Return columns (n,) by the names of a flight log's file
         (docs/reference/flight-log.md).
         """
-        found: dict[str, np.ndarray] = {}
+        columns: dict[str, np.ndarray] = {}
         for field, names in COLUMNS.items():
             value = getattr(self, "throttle" if field == "throttles" else field)
             if value is not None and np.size(value) == len(self) * len(names):
-                found |= dict(
+                columns |= dict(
                     zip(names, np.reshape(value, (-1, len(names))).astype(float).T, strict=True)
                 )
-        return found
+        return columns
 
     def to_dataframe(self) -> Any:
         """Return the log as a pandas DataFrame, with the times as its index and the columns of its

@@ -49,15 +49,15 @@ class Reaction(Protocol):
 class ForceAlone:
     """The force of a reaction, without its torque."""
 
-    whole: Reaction
+    reaction: Reaction
 
     def __call__(self, zeta: np.ndarray) -> np.ndarray:
         """Return chi (..., 6) [N, N·m] at zeta (..., 6) [m/s, rad/s]."""
-        return self.whole(zeta) * FORCE
+        return self.reaction(zeta) * FORCE
 
     def jacobian(self, zeta: np.ndarray) -> np.ndarray:
         """Return dchi/dzeta (n, 6, 6) at zeta (n, 6)."""
-        return self.whole.jacobian(zeta) * FORCE[:, None]
+        return self.reaction.jacobian(zeta) * FORCE[:, None]
 
 
 @dc.dataclass(frozen=True)

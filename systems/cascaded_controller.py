@@ -49,19 +49,19 @@ class CascadedController(LeafSystem):
         output.SetFromVector(context.get_discrete_state(0).value()[:4])
 
     def _update(self, context, discrete_state) -> None:
-        held = context.get_discrete_state(0).CopyToVector()
+        state = context.get_discrete_state(0).CopyToVector()
         t = context.get_time()
         x = self._x_port.Eval(context)
         if not np.all(np.isfinite(x)):  # the integral would never be a number again
-            discrete_state.set_value(0, np.concatenate([held[:10], [t]]))
+            discrete_state.set_value(0, np.concatenate([state[:10], [t]]))
             return
         u, integral = cascade(
             self._vehicle,
             CascadeGains(),
             x=x,
             target=self._target_port.Eval(context),
-            integral=held[4:10],
-            step=0.0 if np.isnan(held[10]) else t - held[10],
+            integral=state[4:10],
+            step=0.0 if np.isnan(state[10]) else t - state[10],
         )
         discrete_state.set_value(0, np.concatenate([u, integral, [t]]))
 

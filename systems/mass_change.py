@@ -77,14 +77,14 @@ class MassChange(LeafSystem):
         if count:
             state = self._state_port.Eval(context)
             rotors = self._rotor_force(context, state)
-            own = self._contexts[0]
+            first = self._contexts[0]
             now = self._contexts[count]
-            for workspace in (own, now):
+            for workspace in (first, now):
                 self._plant.SetPositionsAndVelocities(workspace, state)
             # dv/dt = M_now^-1 (tau - b_now); the plant moves so under M dv/dt + b
             bias = self._inverse_dynamics(now, np.zeros(len(force)))
             rates = np.linalg.solve(self._plant.CalcMassMatrix(now), force + rotors - bias)
-            force = self._inverse_dynamics(own, rates) - rotors
+            force = self._inverse_dynamics(first, rates) - rotors
         output.SetFromVector(force)
 
     def _inverse_dynamics(self, workspace: Context, rates: np.ndarray) -> np.ndarray:

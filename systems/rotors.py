@@ -142,16 +142,18 @@ def with_nominal_lag(
     """
     chain = [e for e in effects if not getattr(e, "parameters", ()) or e != type(e).neutral()]
     spans: dict[ActuatorEffect, Span] = {e: (onsets[e], np.inf) for e in chain if e in onsets}
-    own = min((onsets.get(e, -np.inf) for e in effects if isinstance(e, MotorLag)), default=np.inf)
+    lag_begins = min(
+        (onsets.get(e, -np.inf) for e in effects if isinstance(e, MotorLag)), default=np.inf
+    )
     nominal = MotorLag(vehicle.rotor_time_constant)
     if nominal in chain:  # it goes on as it was
         spans.pop(nominal, None)
-    elif vehicle.rotor_time_constant > 0 and own > 0:
+    elif vehicle.rotor_time_constant > 0 and lag_begins > 0:
         # After the other lag, whose state then follows the command, as that of a lag that acts all
         # the time.
         lags = [k for k, effect in enumerate(chain) if isinstance(effect, MotorLag)]
         chain.insert(1 + lags[-1] if lags else 0, nominal)
-        spans |= {nominal: (-np.inf, own)} if own < np.inf else {}
+        spans |= {nominal: (-np.inf, lag_begins)} if lag_begins < np.inf else {}
     return chain, spans
 
 
@@ -262,8 +264,8 @@ class ActuatorEffects(LeafSystem):
 
     def _rate(self, stage: "Stage", state: np.ndarray, command: np.ndarray, t: float) -> np.ndarray:
         """Return the rate of a stage's state; `command` is that of the chain [N]."""
-        own = self._passed(self._stages[: stage.place], state, command, t)
-        return stage.effect.state_rate(self._vehicle, state[stage.where], own)
+        passed = self._passed(self._stages[: stage.place], state, command, t)
+        return stage.effect.state_rate(self._vehicle, state[stage.where], passed)
 
     def DoCalcTimeDerivatives(self, context, derivatives) -> None:
         """Compute the effects' state rates, as an override of Drake's virtual."""
@@ -283,10 +285,10 @@ class ActuatorEffects(LeafSystem):
 
     def _calc_rotor_rate(self, context, output) -> None:
         rate = np.zeros(4)
-        for stage, own in zip(self._lagging, self._rates.Eval(context), strict=True):
+        for stage, stage_rate in zip(self._lagging, self._rates.Eval(context), strict=True):
             turns = stage.effect.turns_rotor and stage.effect.state_size == 4
             if turns and stage.acts(context.get_time()):
-                rate = own
+                rate = stage_rate
         output.SetFromVector(rate)
 
 

@@ -264,4 +264,4 @@ def read_corrected(file: str) -> tuple[Vehicle, list[Any]]:
             f"the start here."
         )
     every = config.reality.everything()
-    return config.vehicle, [*in_flight(config.vehicle, beside=every), *every]
+    return config.vehicle, [*in_flight(config.vehicle, others=every), *every]

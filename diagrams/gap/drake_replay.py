@@ -165,7 +165,7 @@ class DrakeReplay:
         """Return what a replay of this flight needs."""
         vehicle = self._vehicle
         measured = log.input == "rotor_speed"
-        own = in_flight(vehicle, measured=measured, beside=(e for e, _ in effects))
+        own = in_flight(vehicle, measured=measured, others=(e for e, _ in effects))
         every: Effects = [*((e, {}) for e in own), *effects]
         sensors = []
         bodily = []
@@ -173,7 +173,7 @@ class DrakeReplay:
             if onsets and log.name not in onsets:
                 continue
             if isinstance(effect, WrenchEffect):
-                effect = effect.beside(log.neighbours)
+                effect = effect.near(log.neighbours)
             onset = onsets.get(log.name)
             if isinstance(effect, SensorEffect):
                 sensors.append(effect)

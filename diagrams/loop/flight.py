@@ -310,7 +310,7 @@ class FlightConfig:
         x, y, z = payload.hook
         bob = Payload(payload.mass, payload.length, (x, y, z), payload.air_damping)
         hung = None if payload.tether == "none" else bob
-        own = split_effects(in_flight(self.vehicle, beside=reality.actuator_effects()))
+        own = split_effects(in_flight(self.vehicle, others=reality.actuator_effects()))
         actuators = [*reality.actuator_effects(), *own.actuator]
         if self.vehicle.rotor_time_constant and not any(isinstance(e, MotorLag) for e in actuators):
             actuators.insert(0, MotorLag(self.vehicle.rotor_time_constant))

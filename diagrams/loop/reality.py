@@ -210,7 +210,7 @@ def make_real_vehicle(
     Args:
         command_period: at whose multiples alone the command changes [s].
     """
-    own = split_effects(in_flight(vehicle, beside=reality.actuator_effects()))
+    own = split_effects(in_flight(vehicle, others=reality.actuator_effects()))
     return make_tethered_quadrotor(
         vehicle,
         reality.hung,

@@ -617,7 +617,7 @@ def _wrench(
 ) -> np.ndarray:
     """Return the wrench (m, 6) of one effect in B on the grid [N, N·m]."""
 
-    beside = effect.beside(flight.log.neighbours)
+    beside = effect.near(flight.log.neighbours)
 
     def at(motion: Motion) -> np.ndarray:
         return beside.wrench(flight.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]

@@ -353,7 +353,7 @@ def payload_track(
     thrust = vehicle.saturate(Signal(log.t, log.u).linear(states.t)) @ vehicle.unmixer.T
     for effect in effects.actuator:
         thrust = effect.respond(vehicle, states.t, thrust)
-    pushing = [effect.beside(log.neighbours) for effect in effects.wrench]
+    pushing = [effect.near(log.neighbours) for effect in effects.wrench]
     force = total_wrench(vehicle, pushing, Motion(states.t, states.x, thrust))[:, :3]
     pushed = _local_polynomial(
         (force + attitude.body_z(states.x[:, Q]) * thrust.sum(axis=1, keepdims=True)),

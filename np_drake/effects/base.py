@@ -343,7 +343,7 @@ class WrenchEffect(Effect):
         """
         return np.zeros((*motion.x.shape[:-1], 6))
 
-    def beside(self, neighbours: Sequence[Neighbour]) -> "WrenchEffect":
+    def near(self, neighbours: Sequence[Neighbour]) -> "WrenchEffect":
         """Return the effect in a flight with these vehicles nearby; most effects are the same."""
         return self
 

@@ -21,19 +21,19 @@ FASTEST = 1e-3  # time constant below which a lag only makes an integrator stiff
 
 
 def in_flight(
-    vehicle: Vehicle, *, measured: bool = False, beside: Iterable[Any] = ()
+    vehicle: Vehicle, *, measured: bool = False, others: Iterable[Any] = ()
 ) -> tuple[Effect, ...]:
     """Return the effects of the calibration of a vehicle file that act in a flight.
 
     Args:
         measured: whether thrust is that of measured rotor speed, which the motors have behind them.
-        beside: further effects; a lag among them takes the place of that of the file.
+        others: further effects; a lag among them takes the place of that of the file.
     """
     motors = (
         (UnevenLag, CommandDelay)
         if measured
         else (UnevenLag,)
-        if any(isinstance(e, MotorLag) for e in beside)
+        if any(isinstance(e, MotorLag) for e in others)
         else ()
     )
     return tuple(e for e in effects_of(vehicle.calibration, vehicle) if not isinstance(e, motors))

@@ -67,8 +67,8 @@ class CommandDelay(ActuatorEffect):
         if len(t) < 2:
             return command
         rows = self.delay * (len(t) - 1) / (t[-1] - t[0])
-        whole = int(np.floor(rows))
-        part = rows - whole
-        k = np.arange(len(t)) - whole
+        full = int(np.floor(rows))
+        part = rows - full
+        k = np.arange(len(t)) - full
         late, later = (np.clip(i, 0, len(t) - 1) for i in (k, k - 1))
         return (1.0 - part) * command[late] + part * command[later]

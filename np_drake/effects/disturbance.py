@@ -56,8 +56,10 @@ class Disturbance(WrenchEffect):
     @cached_property
     def _spread(self) -> np.ndarray:
         """Deviations [N, N·m] and correlation times [s] of the axes, (2, 6)."""
-        own = self.config
-        return np.array([[*own.force, *own.torque], [*own.force_time, *own.torque_time]])
+        config = self.config
+        return np.array(
+            [[*config.force, *config.torque], [*config.force_time, *config.torque_time]]
+        )
 
 
 def along(t: np.ndarray | float, deviation: np.ndarray, time: np.ndarray, seed: int) -> np.ndarray:

@@ -51,15 +51,13 @@ class Downwash(WrenchEffect):
     widens = False
     parameters = (Parameter("strength", "1", 0.0, 0.0, 3.0, 1.0),)
 
-    def beside(self, neighbours: Sequence[Neighbour]) -> "Downwash":
+    def near(self, neighbours: Sequence[Neighbour]) -> "Downwash":
         """Return the effect of these neighbours."""
         return dc.replace(self, neighbours=tuple(neighbours))
 
     def lacking(self) -> str:
         """Return what a simulation lacks: a neighbour."""
-        return (
-            "" if self.neighbours else "the path of a neighbour; Downwash.beside adds it in Python"
-        )
+        return "" if self.neighbours else "the path of a neighbour; Downwash.near adds it in Python"
 
     def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return the push in B, (..., 6) [N, N·m]."""

@@ -45,9 +45,9 @@ def effects_for(
         neighbours: whether a log of a vehicle nearby is given.
         before: whether flights of the vehicle from before a change are given.
     """
-    found = LIBRARY | MEASURED_ROTORS if log_input == "rotor_speed" else LIBRARY
-    found = found | BESIDE_NEIGHBOURS if neighbours else found
-    return found | CHANGES if before else found
+    tried = LIBRARY | MEASURED_ROTORS if log_input == "rotor_speed" else LIBRARY
+    tried = tried | BESIDE_NEIGHBOURS if neighbours else tried
+    return tried | CHANGES if before else tried
 
 
 def effect_of(identifier: str) -> type[Effect]:

@@ -40,14 +40,14 @@ class MotorLag(ActuatorEffect):
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         """Return random parameters of a simulated case, a lag longer than the vehicle file's."""
-        own = vehicle.rotor_time_constant
-        return {"time_constant": float(own + log_uniform(rng, 0.008, 0.085 - own))}
+        nominal = vehicle.rotor_time_constant
+        return {"time_constant": float(nominal + log_uniform(rng, 0.008, 0.085 - nominal))}
 
     @classmethod
     def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:
         """Return the lags at which a search linearises it."""
-        own = vehicle.rotor_time_constant
-        return [{"time_constant": own + float(v)} for v in np.geomspace(0.006, 0.12, 9)]
+        nominal = vehicle.rotor_time_constant
+        return [{"time_constant": nominal + float(v)} for v in np.geomspace(0.006, 0.12, 9)]
 
     def time_shift(self, vehicle: Vehicle) -> float:
         """Return the time by which commands act later than with the lag of the vehicle file [s]."""

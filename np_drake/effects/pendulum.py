@@ -106,16 +106,16 @@ class _Swings:
         self._drift = _by_axis(step * (np.zeros((len(a_hook), 3)) if v_hook is None else v_hook))
         self.pulls = np.empty((len(a_hook), 3, len(self._limit)))
 
-    def run(self, now: np.ndarray, move: np.ndarray, some: slice) -> None:
-        """Take some of the steps; changes now and move (3, m) [m], and fills their pulls."""
+    def run(self, now: np.ndarray, move: np.ndarray, steps: slice) -> None:
+        """Take these steps; changes now and move (3, m) [m], and fills their pulls."""
         leapfrog(
             self._limit,
             self._half,
             now,
             move,
-            self._kicks[some],
-            self._drift[some],
-            self.pulls[some],
+            self._kicks[steps],
+            self._drift[steps],
+            self.pulls[steps],
         )
 
 
@@ -185,17 +185,17 @@ def leapfrog(limit, half, now, move, kicks, drift, pulls):
         u = move[0, i]
         v = move[1, i]
         w = move[2, i]
-        own = min(i, kicks.shape[2] - 1)
-        blown = min(i, drift.shape[2] - 1)
+        kick_column = min(i, kicks.shape[2] - 1)
+        drift_column = min(i, drift.shape[2] - 1)
         both = 2 * half[i]
         kept = 1 - half[i]
         more = 1 + half[i]
         share = 1 / (1 + half[i])
         square = x * x + y * y + z * z
         for k in range(len(kicks)):
-            u = share * (kept * u + kicks[k, 0, own] - both * drift[k, 0, blown])
-            v = share * (kept * v + kicks[k, 1, own] - both * drift[k, 1, blown])
-            w = share * (kept * w + kicks[k, 2, own] - both * drift[k, 2, blown])
+            u = share * (kept * u + kicks[k, 0, kick_column] - both * drift[k, 0, drift_column])
+            v = share * (kept * v + kicks[k, 1, kick_column] - both * drift[k, 1, drift_column])
+            w = share * (kept * w + kicks[k, 2, kick_column] - both * drift[k, 2, drift_column])
             a = x + u
             b = y + v
             c = z + w

@@ -165,12 +165,13 @@ class Condensed:
         """
         n = self.config.horizon
         model = self.dynamics.linearise(t.x[:-1], t.acting, t.chi)
-        own = np.zeros((0, 6, 6)) if h.reaction is None else h.reaction.jacobian(t.x[:-1, ZETA])
+        reaction = np.zeros((0, 6, 6))
+        if h.reaction is not None:
+            reaction = np.ascontiguousarray(h.reaction.jacobian(t.x[:-1, ZETA]))
         S = np.zeros((n, STATE_SIZE, 4 * n)) if out is None else out
         Fu = (model.Fu.reshape(-1, INPUT_SIZE) @ self._mixer).reshape(model.Fu.shape)
         workspace = np.empty((WRENCH_SIZE, 4 * n))
-        own = np.ascontiguousarray(own)
-        _sensitivities(model.Fx, Fu, self._shares, h.markov, own, S, workspace)
+        _sensitivities(model.Fx, Fu, self._shares, h.markov, reaction, S, workspace)
         return S
 
     def model(self, h: Horizon, t: Trajectory, S: np.ndarray) -> LocalModel:
@@ -272,7 +273,7 @@ def _feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
 
 
 @compiled
-def _sensitivities(Fx, Fu, shares, markov, own, S, chi):
+def _sensitivities(Fx, Fu, shares, markov, reaction, S, chi):
     """Write dx_(i+1)/dT, S (N, 13, 4N); the columns of later inputs stay as they are.
 
     Args:
@@ -280,12 +281,12 @@ def _sensitivities(Fx, Fu, shares, markov, own, S, chi):
         Fu: (N, 13, 4) over the rotor thrusts.
         shares: (N, N) of the inputs in what acts in a stage.
         markov: (6, 6(N-1)) of `Horizon`, or (6, 0).
-        own: (N, 6, 6) of the reaction of the wrench, or (0, 6, 6).
+        reaction: (N, 6, 6) Jacobian of the wrench's reaction, or (0, 6, 6).
         S: (N, 13, 4N) to be written.
         chi: (6, 4N) workspace.
     """
     known = markov.shape[1]
-    reacts = len(own) > 0
+    reacts = len(reaction) > 0
     for i in range(len(Fx)):
         size = 4 * i
         # S_(i+1) = Fx S_i + Fchi dchi_i/dT + Fu shares_i, where input i acts from stage i on
@@ -298,7 +299,7 @@ def _sensitivities(Fx, Fu, shares, markov, own, S, chi):
             if driven:
                 _drive(markov, known - 6 * i, S, i, chi)
             if reacts:
-                _six_rows(own[i], 0, S[i - 1], size, chi)
+                _six_rows(reaction[i], 0, S[i - 1], size, chi)
             _push(Fx[i], chi, S[i], size)
         for j in range(i + 1):
             share = shares[i, j]

@@ -177,20 +177,20 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
             f"shift: elapsed must not be negative and step must be positive [s]; got "
             f"{elapsed}, {step}."
         )
-    whole = int(elapsed / step + 1e-9)  # 0.04 / 0.02 counts as whole
-    part = max(elapsed / step - whole, 0.0)
-    x = _blend(plan.x, whole, part)
+    stages = int(elapsed / step + 1e-9)  # 0.04 / 0.02 counts as whole
+    part = max(elapsed / step - stages, 0.0)
+    x = _blend(plan.x, stages, part)
     x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
-    u = _blend(plan.u, whole, part)
-    chi = _blend(plan.chi, whole, part)
+    u = _blend(plan.u, stages, part)
+    chi = _blend(plan.chi, stages, part)
     status = MpcStatus.SHIFTED_PLAN
     return dc.replace(plan, u=u, x=x, chi=chi, status=status, solve_time=0.0, iterations=0)
 
 
-def _blend(values: np.ndarray, whole: int, part: float) -> np.ndarray:
-    """Return rows (n, m) as seen `whole` steps and a share `part` of one later; beyond the end the
+def _blend(values: np.ndarray, stages: int, part: float) -> np.ndarray:
+    """Return rows (n, m) as seen `stages` steps and a share `part` of one later; beyond the end the
     last row holds.
     """
     last = len(values) - 1
-    now = np.minimum(np.arange(len(values)) + whole, last)
+    now = np.minimum(np.arange(len(values)) + stages, last)
     return (1 - part) * values[now] + part * values[np.minimum(now + 1, last)]

@@ -92,10 +92,14 @@ class IpoptCondensedSolver:
         problem = None
         count = 0
         misses = 0
-        while count < _ROUNDS and misses < _MISSES and (left := deadline - time.perf_counter()) > 0:
+        while (
+            count < _ROUNDS
+            and misses < _MISSES
+            and (remaining := deadline - time.perf_counter()) > 0
+        ):
             count += 1
             problem = problem or Preconditioned(self.condensed, h, t)
-            solved, end = problem.solve(self._ipopt, left)
+            solved, end = problem.solve(self._ipopt, remaining)
             if solved and problem.add_violated(end):
                 continue
             inside = self.condensed.clip(end.T)

@@ -39,15 +39,15 @@ class LookAhead:
             delay: [s].
         """
         # Mean over each fine step, from rest at the oldest command
-        every = commands_under_way(sent, FINE * len(sent))
+        commands = commands_under_way(sent, FINE * len(sent))
         m = self._mean
         law = ([1.0 - m, m - self._end], [1.0, -self._end])
-        acting, _ = scipy.signal.lfilter(*law, every, axis=0, zi=m * every[:1])
-        for start in range(len(every) - round(delay / self._fine), len(every), FINE):
+        acting, _ = scipy.signal.lfilter(*law, commands, axis=0, zi=m * commands[:1])
+        for start in range(len(commands) - round(delay / self._fine), len(commands), FINE):
             now = slice(start, start + FINE)
-            u = every[now].mean(axis=0)  # the model knows of the lag itself
+            u = commands[now].mean(axis=0)  # the model knows of the lag itself
             x = self._advance(x, acting[now], self._wrench(memory, x, u))
-            if start + FINE <= len(every):
+            if start + FINE <= len(commands):
                 memory = self._model.update(memory, Sample(x, u, NO_LABEL))
         return memory, x
 

@@ -230,8 +230,8 @@ class QpSolver:
             pick = np.sort(np.argsort(-level)[: program.rows])
             chosen = SoftRows(rows.excess[pick], rows.jacobian[pick], rows.kind[pick])
             program.update(H, model.gradient, lower, upper, chosen)
-            left = float(np.clip(deadline - time.perf_counter(), 1e-4, 100.0))
-            self._options.SetOption(ClarabelSolver.id(), "time_limit", left)
+            remaining = float(np.clip(deadline - time.perf_counter(), 1e-4, 100.0))
+            self._options.SetOption(ClarabelSolver.id(), "time_limit", remaining)
             result = self._clarabel.Solve(program.prog, None, self._options)
             if not result.is_success():
                 return d

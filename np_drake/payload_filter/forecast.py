@@ -179,12 +179,12 @@ def _pulls(points, weight, x, hook, gravity, step, stride):
     pulls = np.empty((n * stride, 3, members))
     # Leapfrog of all members, the tether's length kept by projection at every step
     leapfrog(limit, half, now, move, kicks, drift, pulls)
-    found = np.zeros((n, 3))
+    mean_pull = np.zeros((n, 3))
     for i in range(members):
         share = weight[i] * points[i, MASS] / (fine**2 * stride)
         for row in range(n * stride):
-            found[row // stride] += share * pulls[row, :, i]
-    return found
+            mean_pull[row // stride] += share * pulls[row, :, i]
+    return mean_pull
 
 
 @compiled

@@ -188,10 +188,10 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
                 gain[k] += cross[row, a] * inverse[a, k]
             error[row] += gain[k] * innovation[k]
         for column in range(row + 1):
-            left = covariance[row, column]
+            kept = covariance[row, column]
             for k in range(3):
-                left -= gain[k] * cross[column, k]
-            out_covariance[row, column] = out_covariance[column, row] = left
+                kept -= gain[k] * cross[column, k]
+            out_covariance[row, column] = out_covariance[column, row] = kept
     _keep_mass_positive(mean, error, out_covariance)
     displace(mean, error, out)
     out[DAMPING] = max(out[DAMPING], 0.0)
@@ -408,12 +408,12 @@ def _advance(p, drive, step, prior, keep):
 def _kick(p, w0, w1, w2, b0, b1, b2, length, damping, span):
     """Return the rate of the tether after its acceleration acted for `span` [s]."""
     along = b0 * p[0] + b1 * p[1] + b2 * p[2]
-    left = 1.0 / (1.0 + span * damping)  # implicit, so that no damping is unstable
+    kept = 1.0 / (1.0 + span * damping)  # implicit, so that no damping is unstable
     pushed = span / length
     return (
-        left * (w0 - pushed * (b0 - along * p[0])),
-        left * (w1 - pushed * (b1 - along * p[1])),
-        left * (w2 - pushed * (b2 - along * p[2])),
+        kept * (w0 - pushed * (b0 - along * p[0])),
+        kept * (w1 - pushed * (b1 - along * p[1])),
+        kept * (w2 - pushed * (b2 - along * p[2])),
     )
 
 
@@ -472,10 +472,10 @@ def mix_bank(mean, covariance, weight, transition, rise):
     change = np.zeros((lengths, kinds, kinds))
     for length in range(lengths):
         for i in range(kinds):
-            own = i * lengths + length
+            member = i * lengths + length
             _changes(
-                mean[own, RISE],
-                covariance[own, RISE_ERROR, RISE_ERROR],
+                mean[member, RISE],
+                covariance[member, RISE_ERROR, RISE_ERROR],
                 transition[i],
                 rise,
                 i,
@@ -538,11 +538,11 @@ def _changes(push, variance, transition, rise, i, out):
     """Write the probabilities (c,) of a change from condition i under a slow force upwards and its
     variance.
     """
-    own = rise[i] + variance
+    total = rise[i] + variance
     out[i] = 1.0
     for j in range(len(rise)):
         if j != i:
             other = rise[j] + variance
-            odds = 0.5 * (math.log(own / other) + push * push * (1.0 / own - 1.0 / other))
+            odds = 0.5 * (math.log(total / other) + push * push * (1.0 / total - 1.0 / other))
             out[j] = transition[j] * math.exp(min(odds, 0.0))
             out[i] -= out[j]

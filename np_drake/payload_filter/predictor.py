@@ -179,9 +179,9 @@ class PayloadFilter:
         """Return the forecast over `horizon` steps of `stride * self.step` seconds along a plan at
         these steps.
         """
-        some = memory["weight"] >= LEAST_WEIGHT
-        weight = memory["weight"][some] / memory["weight"][some].sum()
-        points = memory["mean"][some]
+        likely = memory["weight"] >= LEAST_WEIGHT
+        weight = memory["weight"][likely] / memory["weight"][likely].sum()
+        points = memory["mean"][likely]
         step = stride * self.step
         hook = self._hook + memory["shift"]
         mass = self.model.mass

@@ -71,8 +71,8 @@ def train_payload_filter(
         )
     model = _untrained(vehicle, lag, step, BankOptions() if prior is None else prior.bank)
     for done in (1, 2):
-        found = _refined(model, samples)
-        model = dc.replace(model, hook=found.hook)
+        refined = _refined(model, samples)
+        model = dc.replace(model, hook=refined.hook)
         on_pass(done, 2)
     summary = {
         "origin": origin_of("world", vehicle, RAW),
@@ -80,7 +80,7 @@ def train_payload_filter(
         "command_delay": delay,
     }
     learned = {} if prior is None else prior.learned
-    return dc.replace(found, delay=delay, summary=summary, learned=learned)
+    return dc.replace(refined, delay=delay, summary=summary, learned=learned)
 
 
 def opened_logs(flights: Sequence[Flight]) -> Flights:
@@ -206,8 +206,8 @@ def _torque(
     deviation = np.full(COLUMNS, np.inf)
     deviation[:3] = hook
     deviation[9:11] = hook * model.mass * drag
-    found = np.linalg.lstsq(gram + np.diag(noise / deviation**2), right, rcond=None)[0]
-    return found[:3], found[6:9], found[9:11]
+    solution = np.linalg.lstsq(gram + np.diag(noise / deviation**2), right, rcond=None)[0]
+    return solution[:3], solution[6:9], solution[9:11]
 
 
 def torque_steps(samples: Sequence[Sample]) -> np.ndarray:

@@ -11,8 +11,8 @@ from np_drake.training_data.segments import SampledFlight
 
 # coming motion
 KNOWN = "known"
-HELD = "held"
-MOTIONS = (KNOWN, HELD)
+CONSTANT = "held"
+MOTIONS = (KNOWN, CONSTANT)
 
 
 def walk(model: ResidualModel, flight: SampledFlight) -> Iterator[tuple[int, Memory]]:

@@ -29,12 +29,14 @@ class LiftedLinearPredictor(ABC):
 
     Args:
         model: in a file with the low-pass, rotor lag and delay of its labels.
-        held: (6,) channels of chi that C does not read.
+        unread: (6,) channels of chi that C does not read.
         enough: samples from which the first z is made.
         longest: samples beyond which `count` stays.
     """
 
-    def __init__(self, model: LiftedModel | LpvModel, held: np.ndarray, enough: int, longest: int):
+    def __init__(
+        self, model: LiftedModel | LpvModel, unread: np.ndarray, enough: int, longest: int
+    ):
         self.model: Any = model
         self.name = model.configuration
         self.step = model.step
@@ -43,7 +45,7 @@ class LiftedLinearPredictor(ABC):
         self.rotor_lag = rotor_lag_of(model)  # [s]
         self.delay = delay_of(model)  # of commands [s]
         self._blend = 1.0 - np.exp(-2 * np.pi * CUTOFF * model.step)
-        self._held = held
+        self._unread = unread
         self._enough = enough
         self._longest = longest
 
@@ -87,7 +89,7 @@ class LiftedLinearPredictor(ABC):
         z = memory["z"]
         system = self.system(memory).resample(stride)
         if self._warm(memory):
-            offset[~self._held] = 0.0
+            offset[~self._unread] = 0.0
         else:
             system = dc.replace(system, B=np.zeros_like(system.B))
             z = np.zeros_like(z)
@@ -111,7 +113,7 @@ class LiftedLinearPredictor(ABC):
             return memory["lowpass"]
         s = self.system(memory)
         zeta = memory["window"][-1, 6:]
-        return np.where(self._held, memory["lowpass"], s.C @ (s.A @ memory["z"] + s.B @ zeta))
+        return np.where(self._unread, memory["lowpass"], s.C @ (s.A @ memory["z"] + s.B @ zeta))
 
     def _counted(self, memory: Memory, labelled: bool, complete: bool) -> Memory:
         """Return the counters after one more sample."""
@@ -140,8 +142,8 @@ class LiftedPredictor(LiftedLinearPredictor):
     """
 
     def __init__(self, model: LiftedModel):
-        held = np.all(model.system.C == 0.0, axis=1)
-        super().__init__(model, held, enough=model.window, longest=model.window)
+        unread = np.all(model.system.C == 0.0, axis=1)
+        super().__init__(model, unread, enough=model.window, longest=model.window)
 
     def system(self, memory: Memory) -> LiftedLinearSystem:
         """Return the lifted linear system in use now, at the model's step."""

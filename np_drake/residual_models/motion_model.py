@@ -116,7 +116,7 @@ def regressors(zeta: np.ndarray, chi: np.ndarray, config: GaussianProcessConfig)
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    found = []
+    processes = []
     for component in chi.T:
         smooth = ConstantKernel(1.0, (1e-4, 1e4)) * RBF(np.ones(6), config.length_bounds)
         kernel = smooth + WhiteKernel(0.01, config.noise_bounds)
@@ -126,8 +126,8 @@ def regressors(zeta: np.ndarray, chi: np.ndarray, config: GaussianProcessConfig)
         with warnings.catch_warnings():
             # A length at its upper bound is how the likelihood says that an input does not count.
             warnings.simplefilter("ignore", ConvergenceWarning)
-            found.append(process.fit(zeta, component))
-    return found
+            processes.append(process.fit(zeta, component))
+    return processes
 
 
 def closed_form(processes: Sequence[Any], scale: np.ndarray) -> GaussianProcess:

@@ -84,12 +84,12 @@ def _timing(flights: Sequence[Flight], delays: Sequence[float]) -> dict[str, flo
     Args:
         delays: that are tried; of one alone, nothing is said.
     """
-    told = [
+    logs = [
         (with_accelerations(f.data), f.vehicle)
         for f in flights[:TIMED]
         if isinstance(f.data, FlightLog)
     ]
-    lag, delay = learned_timing(told, delays)
+    lag, delay = learned_timing(logs, delays)
     return {"rotor_lag": lag} | ({"command_delay": delay} if len(delays) > 1 else {})
 
 

@@ -73,9 +73,9 @@ def skill_table(
     goal = (chi if target is None else target)[origins[:, None] + horizons]
     predictions = naive_predictions(chi, origins, horizons, mean)
     for name, model in models.items():
-        own = seen.get(name, of_wrenches(chi, zeta, model.step))
+        sampled = seen.get(name, of_wrenches(chi, zeta, model.step))
         chi_hat = flight_forecasts(
-            model, own, horizons, first=warm_up, motion=motion, averaged=False
+            model, sampled, horizons, first=warm_up, motion=motion, averaged=False
         )
         predictions[name] = chi_hat[: len(origins)]
     rmse = {

@@ -44,19 +44,19 @@ def learned_timing(
         flights: logs with accelerations, and the vehicle of each.
         delays: that are tried [s].
     """
-    told = [(log, v) for log, v in flights if log.input == "command"]
-    if not told:
+    commanded = [(log, v) for log, v in flights if log.input == "command"]
+    if not commanded:
         return 0.0, float(delays[0])
-    sought = [(log, v) for log, v in told if v.rotor_time_constant == 0]
-    found = []
+    sought = [(log, v) for log, v in commanded if v.rotor_time_constant == 0]
+    fits = []
     for delay in delays:
-        late = [(delayed(log, delay), v) for log, v in sought or told]
-        found.append(_best_lag(late) if sought else (0.0, _restlessness(late)))
-    rows = sum(len(log) for log, _ in told)
+        late = [(delayed(log, delay), v) for log, v in sought or commanded]
+        fits.append(_best_lag(late) if sought else (0.0, _restlessness(late)))
+    rows = sum(len(log) for log, _ in commanded)
     change = believed_before(len(delays))
-    loss = [0.5 * rows * score + change * (i > 0) for i, (_, score) in enumerate(found)]
+    loss = [0.5 * rows * score + change * (i > 0) for i, (_, score) in enumerate(fits)]
     best = int(np.argmin(loss))
-    return found[best][0], float(delays[best])
+    return fits[best][0], float(delays[best])
 
 
 def delayed(log: FlightLog, delay: float) -> FlightLog:
@@ -70,8 +70,8 @@ def delayed(log: FlightLog, delay: float) -> FlightLog:
     """
     if delay == 0.0 or log.input != "command":
         return log
-    whole, part = divmod(delay / log.step, 1.0)
-    k = np.arange(len(log)) - int(whole)
+    full, part = divmod(delay / log.step, 1.0)
+    k = np.arange(len(log)) - int(full)
     last, before = (np.clip(i, 0, None) for i in (k, k - 1))
     return dc.replace(log, u=(1 - part) * log.u[last] + part * log.u[before])
 

@@ -126,7 +126,7 @@ def test_a_downwash_acts_in_the_plant_and_is_refused_without_a_neighbour():
     )
     assert now.chi[2] < 0.0
     with pytest.raises(
-        ValueError, match=r"effects: downwash must have the path of a neighbour; Downwash\.beside"
+        ValueError, match=r"effects: downwash must have the path of a neighbour; Downwash\.near"
     ):
         make_tethered_quadrotor(
             VEHICLE, PayloadConfig(tether="none"), wrench_effects=[Downwash(1.0)]

@@ -21,7 +21,7 @@ from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, Predictor
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.logs.formats.neurobem import read_training, read_wrenches, table_files
-from np_drake.residual_models.flight_forecasts import HELD, flight_forecasts
+from np_drake.residual_models.flight_forecasts import CONSTANT, flight_forecasts
 from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
 from np_drake.skill.skill import naive_predictions
 from np_drake.training_data.segments import Segment, of_wrenches
@@ -88,7 +88,7 @@ def forecast_errors(model: Predictor, flight: Segment, origins: np.ndarray) -> d
     seen = of_wrenches(flight.chi, flight.zeta, model.step)
     first = int(origins[0])
     chi_hat = flight_forecasts(
-        LiftedLinearPredictor.of(model), seen, [1], first=first, motion=HELD, averaged=False
+        LiftedLinearPredictor.of(model), seen, [1], first=first, motion=CONSTANT, averaged=False
     )
     return column_rmse(chi_hat[origins - first, 0] - flight.chi[origins + 1])
 

@@ -81,7 +81,7 @@ class Rotors:
         """
         chain = [
             e
-            for e in in_flight(self._vehicle, measured=self._measured, beside=others)
+            for e in in_flight(self._vehicle, measured=self._measured, others=others)
             if isinstance(e, ActuatorEffect)
         ]
         lag = 0.0 if self._measured or others else self._vehicle.rotor_time_constant

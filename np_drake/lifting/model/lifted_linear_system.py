@@ -324,10 +324,10 @@ class Trust:
             z: (K,) of now; None: nothing was lifted.
             chi: (6,) of now [N, N·m], a label where `labelled`.
         """
-        found = self._verified(memory, chi) if labelled else {}
+        changed = self._verified(memory, chi) if labelled else {}
         if z is None:
-            return found
-        memory = {**memory, **found}
+            return changed
+        memory = {**memory, **changed}
         seen = memory["trust/seen"][0] + self.settle
         mean = (memory["trust/total"] + self.settle * self.mean) / seen
         forecast = self.readout @ z
@@ -338,7 +338,7 @@ class Trust:
         ring = np.vstack([memory["trust/ring"][1:], np.concatenate([z, chi, mean])])
         wanted = base + a[:, OF_CHANNEL] * p + b[:, OF_CHANNEL] * q
         corrected = z + np.einsum("khc,hc->k", self.projector, wanted - forecast)
-        return found | {
+        return changed | {
             "trust/power": power,
             "trust/lifted": lifted,
             "trust/ring": ring,
@@ -351,7 +351,7 @@ class Trust:
         """
         total = memory["trust/total"] + chi
         seen = memory["trust/seen"] + 1.0
-        found = {"trust/total": total, "trust/seen": seen}
+        totals = {"trust/total": total, "trust/seen": seen}
         due = np.flatnonzero(self.horizons <= memory["trust/lifted"][0])
         if len(due):
             rows = memory["trust/ring"][-self.horizons[due]]
@@ -363,8 +363,8 @@ class Trust:
             base, p, q = _regressors(forecast, then, mean)
             sums = memory["trust/sums"].copy()
             sums[:, due] += _products(p, q, chi - base)
-            found["trust/sums"] = sums
-        return found
+            totals["trust/sums"] = sums
+        return totals
 
     def _weights(self, sums: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return a, b (H, 4) in [0, 1] of sums (5, H, 4) and mean power (2, H, 4)."""

@@ -141,15 +141,15 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
 
 
 def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:
-    found = {
+    entries = {
         name.removeprefix("trust/"): value
         for name, value in tensors.items()
         if name.startswith("trust/")
     }
-    if not found:
+    if not entries:
         return None
-    horizons = found.pop("horizons").astype(int)
-    arrays = {name: found.pop(name) for name in ("readout", "projector", "mean")}
+    horizons = entries.pop("horizons").astype(int)
+    arrays = {name: entries.pop(name) for name in ("readout", "projector", "mean")}
     H = len(horizons)
     shapes = {"readout": (H, 6, K), "projector": (K, H, 6), "mean": (6,)}
     require(
@@ -165,5 +165,5 @@ def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:
         arrays["readout"],
         arrays["projector"],
         arrays["mean"],
-        **{name: value.item() for name, value in found.items()},
+        **{name: value.item() for name, value in entries.items()},
     )

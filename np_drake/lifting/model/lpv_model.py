@@ -124,16 +124,16 @@ class LpvModel:
             "glances": (Q, 4 * taps),
         }
         for name, shape in shapes.items():
-            found = getattr(self, name).shape
-            require(found == shape, f"LpvModel: {name} must be {shape}; got {found}.")
+            actual = getattr(self, name).shape
+            require(actual == shape, f"LpvModel: {name} must be {shape}; got {actual}.")
         require(np.all(self.scale > 0), "LpvModel: scale must be positive.")
         read = len(DECAYS) * (P + 2) + Q + 2 * taps + 1
         self.network.require_sizes(read, J + PARAMETERS)
 
     def in_numpy(self) -> "LpvModel":
         """Return the model with arrays in the place of tensors."""
-        found: dict[str, Any] = {name: np.asarray(getattr(self, name), float) for name in ARRAYS}
-        return dc.replace(self, **found, network=self.network.in_numpy())
+        arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), float) for name in ARRAYS}
+        return dc.replace(self, **arrays, network=self.network.in_numpy())
 
     def energies(self, features: Features) -> np.ndarray:
         """Return the squares (2, P + 2) whose decaying means are the statistics."""
@@ -183,16 +183,16 @@ class LpvModel:
         cos, sin = (size * of(rates[..., :OSCILLATORS]) for of in (xp.cos, xp.sin))
         decays = xp.exp(-rates[..., 2 * OSCILLATORS :])
         for axis, (row, sign) in enumerate(((4, 1.0), (3, -1.0))):
-            own = slice(axis * PLANE, (axis + 1) * PLANE)
-            a = own.start + np.arange(OSCILLATORS)
+            states = slice(axis * PLANE, (axis + 1) * PLANE)
+            a = states.start + np.arange(OSCILLATORS)
             A[..., a, a] = A[..., a + OSCILLATORS, a + OSCILLATORS] = cos
             A[..., a, a + OSCILLATORS] = sin
             A[..., a + OSCILLATORS, a] = -sin
-            q = own.start + np.arange(2 * OSCILLATORS, PLANE)
+            q = states.start + np.arange(2 * OSCILLATORS, PLANE)
             A[..., q, q] = decays[..., :DECAYING]
-            B[..., own, axis] = theta[..., RATES : RATES + PLANE]
+            B[..., states, axis] = theta[..., RATES : RATES + PLANE]
             C[..., axis, a] = C[..., axis, q] = 1.0
-            C[..., row, own] = sign * self.torque
+            C[..., row, states] = sign * self.torque
             C[..., row, LEVEL + axis] = sign
             C[..., axis, VELOCITY + axis] = theta[..., -2]
         up = np.arange(2 * PLANE, LEVEL)

@@ -49,7 +49,7 @@ AVERAGED = 5  # labels that are averaged in what a forecast is compared with
 # usual error of their own in each flight. In heave that would be of the jumps, and hide them.
 FINE = torch.tensor([0.03, 0.1, 0.04])
 WEIGHT = torch.tensor([1.0, 0.1, 0.5])
-OWN = torch.tensor([1.0, 0.0, 1.0])
+PER_FLIGHT = torch.tensor([1.0, 0.0, 1.0])
 TUNING = 3e-3  # rate of a step on another vehicle's flights, over the size of a parameter [1]
 KEPT = 0.95  # of a flight's usual square error, at a new one [1]
 ROBUST = 2.0  # error over the usual one beyond which it counts linearly [1]
@@ -92,9 +92,9 @@ def origins(segments: list[Segment], scale: np.ndarray) -> list[torch.Tensor]:
     Args:
         scale: (12,) units of [chi, zeta].
     """
-    found = [_origins(segment, scale) for segment in segments]
-    parts = [np.concatenate(part).astype(np.float32) for part in zip(*found, strict=True)]
-    flight = np.repeat(np.arange(len(found)), [len(one[0]) for one in found])
+    flights = [_origins(segment, scale) for segment in segments]
+    parts = [np.concatenate(part).astype(np.float32) for part in zip(*flights, strict=True)]
+    flight = np.repeat(np.arange(len(flights)), [len(one[0]) for one in flights])
     return [torch.from_numpy(part) for part in (*parts, flight)]
 
 
@@ -145,12 +145,12 @@ class ScheduledNetwork(nn.Module):
         A, B, C = model.matrices(theta, torch)
         A, B = A @ A, A @ B + B
         z = torch.cat([states, zeta[:, 0, :3]], dim=1)[..., None]
-        found = []
+        course = []
         drive = B @ zeta[:, 1:].unflatten(1, (STEPS, STRIDE)).mean(dim=2).mT
         for i in range(STEPS):
-            found.append(z)
+            course.append(z)
             z = torch.baddbmm(drive[..., i : i + 1], A, z)
-        return (C @ torch.cat([*found, z], dim=2)).mT
+        return (C @ torch.cat([*course, z], dim=2)).mT
 
     def errors(self, rows: list[torch.Tensor]) -> list[torch.Tensor]:
         """Return the errors of forecasts without units, of force in the planes, in heave, and of
@@ -366,7 +366,7 @@ def _descend(
         batch = [of[rows] for of in seen]
         errors = network.errors(batch)
         flight = batch[-1]
-        size = (OWN * usual[flight] + FINE**2).sqrt()
+        size = (PER_FLIGHT * usual[flight] + FINE**2).sqrt()
         square = torch.stack([e.detach().square().mean(dim=(1, 2)) for e in errors], dim=1)
         count = torch.bincount(flight, minlength=flights)[:, None]
         mean = torch.zeros_like(usual).index_add_(0, flight, square) / count.clip(1)

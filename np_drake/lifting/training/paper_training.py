@@ -245,8 +245,8 @@ def stable(A: torch.Tensor, radius: float = RADIUS) -> torch.Tensor:
     """
     given = A.detach().numpy()
     each = [stabilized(one, radius) for one in given.reshape(-1, *given.shape[-2:])]
-    found = np.reshape(each, given.shape)
-    return A + torch.from_numpy(found - given)
+    stabilised = np.reshape(each, given.shape)
+    return A + torch.from_numpy(stabilised - given)
 
 
 @dc.dataclass(frozen=True)
@@ -427,5 +427,5 @@ def _start(lagged: list[np.ndarray], count: int) -> np.ndarray:
     now = lagged[0]
     drive = now[:, :-1, 6:]
     future = now[:, 1:, :6]
-    found = foreseeing(past, drive.reshape(len(now), -1), future.reshape(len(now), -1), count)
-    return np.linalg.qr(found.T)[0].T
+    directions = foreseeing(past, drive.reshape(len(now), -1), future.reshape(len(now), -1), count)
+    return np.linalg.qr(directions.T)[0].T
