@@ -35,7 +35,8 @@ GROUND = (
 )
 EXPERIMENTS = (
     *("batch", "loop"),
-    *("gap", "identification", "certify", "exports", "autopilot", "evidence", "demo", "cli"),
+    *("random_flights", "training", "gap", "identification", "certify", "exports"),
+    *("autopilot", "evidence", "demo", "cli"),
 )
 MOST_IMPORTS = 10  # of modules of the diagnosis by one of them; `diagnose` strings them together
 SIMULATOR = ("pydrake.systems", "pydrake.multibody", "pydrake.geometry", "pydrake.visualization")

@@ -59,13 +59,13 @@ STUDIES = {
     "hover": Study("studies.tracking", "Hover while the payload swings.", function="hover"),
     "attach": Study("studies.tracking", "100 g more are hung on in flight.", function="attach"),
     "changes": Study(
-        "studies.envelope_studies",
+        "studies.random_flight_studies",
         "Drawn flights with a payload hung on or cut off.",
         9000,
         function="changes",
     ),
     "beyond": Study(
-        "studies.envelope_studies", "Drawn flights beyond a pendulum.", 9100, function="beyond"
+        "studies.random_flight_studies", "Drawn flights beyond a pendulum.", 9100, function="beyond"
     ),
     "robustness": Study(
         "studies.robustness", "Payload, tether, speed, air, noise, lag, delay, battery."

@@ -143,7 +143,7 @@ def train(
         learned = None
         loss = list[float]()
         if envelope:
-            from diagrams.evidence.studies.learning import train_on_envelope
+            from diagrams.training import train_on_envelope
 
             learned, loss = train_on_envelope(envelope, run=run, vehicle=flown)
         learnt = _learn_vehicle(flights, out, step=step, learned=learned, loss=loss)
@@ -240,7 +240,7 @@ def _learn_network(
     """Train a network on the envelope, or take the packaged one, and fit it to the vehicle of the
     flights.
     """
-    from diagrams.evidence.studies.learning import train_network_on_envelope
+    from diagrams.training import train_network_on_envelope
     from np_drake.residual_models.predictor_training import fitted_lpv
 
     loss = list[float]()

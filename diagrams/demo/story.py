@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.batch.run import FailedRun, as_they_finish
-from diagrams.evidence.studies.learning import TRAINING, train_model
 from diagrams.evidence.studies.sweep import Row, configure, training_config
 from diagrams.evidence.studies.tracking import PACKAGED, TRACKS
 from diagrams.gap.corrected import corrected_simulator
@@ -19,6 +18,7 @@ from diagrams.gap.side_by_side import SideBySide, side_by_side
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.loop.reality import RealityConfig
+from diagrams.training import TRAINING, train_model
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects.base import Effect

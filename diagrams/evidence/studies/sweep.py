@@ -15,12 +15,12 @@ from pathlib import Path
 import pandas as pd
 
 from diagrams.batch.run import Case, Record
-from diagrams.evidence.studies.learning import train_model
 from diagrams.evidence.studies.options import FlownRun, chosen
 from diagrams.loop.controller_config import FILTER_MODEL, LEARNED
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
+from diagrams.training import train_model
 from np_drake.files.file_access import write_bytes
 from np_drake.metrics import half_width
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.evidence.studies import envelope_studies as drawn
-from diagrams.evidence.studies.envelope_studies import (
+from diagrams.evidence.studies import random_flight_studies as drawn
+from diagrams.evidence.studies.random_flight_studies import (
     CHANGES,
     compared,
     flown,

@@ -14,7 +14,6 @@ from typer import Option
 
 from diagrams.batch.run import Case, FailedRun, Report, Run, failures, results
 from diagrams.evidence.studies import tracking
-from diagrams.evidence.studies.envelope import BEYOND, PLAIN, Envelope, drawn_flight
 from diagrams.evidence.studies.options import (
     DEFAULT_SOLVER,
     Column,
@@ -28,6 +27,7 @@ from diagrams.evidence.studies.options import (
 from diagrams.evidence.studies.sweep import Row, choose_rows, fly_rows, named, tidy, training_config
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight_result import fly
+from diagrams.random_flights import BEYOND, PLAIN, Envelope, drawn_flight
 from np_drake import metrics
 from np_drake.vehicle import Vehicle
 

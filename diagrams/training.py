@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from diagrams.batch.run import FailedRun, Run, as_they_finish, require
-from diagrams.evidence.studies.envelope import Envelope, drawn_flight
 from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import FlightResult, fly
+from diagrams.random_flights import Envelope, drawn_flight
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_model import load_model, save_model
 from np_drake.lifting.model.lpv_model import NEURAL_LPV, LpvModel
@@ -194,8 +194,8 @@ def train_on_envelope(
     def error(bank: BankOptions) -> float:
         tried = dc.replace(model, bank=bank)
         work = partial(flown_error, model=tried, seed=run.seed, vehicle=vehicle)
-        found = [log for _, log in as_they_finish(work, range(count), run.workers.jobs)]
-        logs = [log for log in found if log is not None]
+        flown = (log for _, log in as_they_finish(work, range(count), run.workers.jobs))
+        logs = [log for log in flown if log is not None]
         require(logs, "--envelope: this vehicle can fly none of what was drawn; draw more flights.")
         return math.exp(math.fsum(logs) / len(logs))
 
@@ -230,10 +230,10 @@ def learn_priors(
     for done, (name, entry) in enumerate(names, start=1):
         for factor in (FACTOR, 1 / FACTOR):
             tried = _changed(best, name, entry, factor)
-            found = error(tried)
-            if found < (1 - GAIN) * least:
+            trial = error(tried)
+            if trial < (1 - GAIN) * least:
                 best = tried
-                least = found
+                least = trial
                 course.append(least)
                 break
             course.append(least)

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from diagrams.evidence.studies import learning
-from diagrams.evidence.studies.learning import flown_error, learn_priors
+from diagrams import training
 from diagrams.loop.controller_config import FILTER_MODEL
+from diagrams.training import flown_error, learn_priors
 from np_drake.payload_filter.bank_options import BankOptions, Prior
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.vehicle import Vehicle
@@ -28,7 +28,7 @@ def test_what_cannot_be_flown_counts_for_nothing(monkeypatch):
     def refuse(*_, **__):
         raise ValueError("too heavy")
 
-    monkeypatch.setattr(learning, "drawn_flight", refuse)
+    monkeypatch.setattr(training, "drawn_flight", refuse)
     assert flown_error(0, **HOW) is None
 
 

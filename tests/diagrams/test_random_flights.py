@@ -4,7 +4,8 @@ import contextlib
 
 import pytest
 
-from diagrams.evidence.studies.envelope import (
+from diagrams.loop.experiments import settings_of
+from diagrams.random_flights import (
     BEYOND,
     HANGING,
     LENGTH,
@@ -17,7 +18,6 @@ from diagrams.evidence.studies.envelope import (
     Envelope,
     drawn_flight,
 )
-from diagrams.loop.experiments import settings_of
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.scaling import ratios
 
