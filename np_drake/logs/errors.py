@@ -22,6 +22,13 @@ def optional_package(module: str, path: object, needs: str) -> Any:
         raise LogError(f"{path}: {needs}") from error
 
 
+def one_line(error: BaseException) -> str:
+    """Return what an error says in one line, without a point at its end; its type where it says
+    nothing.
+    """
+    return " ".join((str(error) or type(error).__name__).split())[:200].rstrip(".")
+
+
 def place(
     path: object, *, column: str | None = None, row: int | None = None, header_lines: int = 1
 ) -> str:

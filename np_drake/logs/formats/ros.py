@@ -14,6 +14,7 @@ Types are defined by the bag, or else by the library's latest ROS 2.
 import contextlib
 import dataclasses as dc
 import functools
+import io
 import operator
 import re
 import shutil
@@ -28,7 +29,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.files.file_access import note_input, size_of
-from np_drake.logs.errors import LogError, optional_package
+from np_drake.logs.errors import LogError, one_line, optional_package
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.formats.text_table import require_cells
 from np_drake.logs.importing.log_map import LogMap, Source
@@ -36,6 +37,7 @@ from np_drake.logs.importing.log_map import LogMap, Source
 # first bytes of a file
 MCAP = b"\x89MCAP0\r\n"
 ROS1 = b"#ROSBAG V"
+CHUNK = b"\x06"  # code of such a record of MCAP
 SQLITE = b"SQLite format 3\0"
 JOURNALS = ("-wal", "-journal")  # endings of what SQLite keeps beside a database that is open
 ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of a message that is compressed by itself
@@ -47,7 +49,7 @@ MOST_COLUMNS = 200_000  # of all topics together
 MOST_NUMBERS = 10_000  # of a message that become columns; further ones are left out
 LONGEST = 32  # elements of an array that become columns
 SAME_CLOCK = 1_000_000_000  # [ns] between the delays of topics on one clock; own choice
-EVERY = 2000  # messages between two calls of progress
+MESSAGES_A_REPORT = 2000  # messages between two calls of progress
 PADDING = "structure_needs_at_least_one_member"  # of empty types in ROS 2
 REMEDY = "Copy it again, or mend it with `ros2 bag reindex`, `mcap recover` or `rosbag reindex`."
 XYZ = ("x", "y", "z")
@@ -85,38 +87,17 @@ class _Bag:
         for storage in self.storages:
             wanted = [c for t in topics for s, c in self.topics[t].sources if s is storage]
             try:
-                for connection, time, raw in _in_file_order(storage, wanted) if wanted else ():
+                for connection, time, raw in storage.messages(wanted) if wanted else ():
                     packed = not self.ros1 and isinstance(raw, bytes) and raw.startswith(ZSTD)
                     yield connection.topic, time, _unpacked("zstd", raw) if packed else raw
             except MemoryError as error:
-                raise LogError(f"{self.path}: {_one_line(error)}") from error
+                raise LogError(f"{self.path}: {one_line(error)}") from error
             except Exception as error:  # whatever may be met in damaged bytes
-                self.notes.append(f"reading ended before the end of the bag ({_one_line(error)})")
+                self.notes.append(f"reading ended before the end of the bag ({one_line(error)})")
 
 
-def _in_file_order(storage: Any, wanted: list[Any]) -> Iterator[tuple[Any, Any, Any]]:
-    """Yield connection, time [ns] and bytes of messages as they lie in a file; rosbags would sort
-    them by time, which hides a clock that was set back.
-    """
-    by_id = {connection.id: connection for connection in wanted}
-    if hasattr(storage, "dbconn"):
-        numbers = ",".join(map(str, by_id))
-        for number, time, raw in storage.dbconn.execute(
-            f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({numbers})"
-        ):
-            yield by_id[number], time, raw
-    elif hasattr(storage, "messages_scan"):
-        chunks = [chunk for chunk in storage.chunks if by_id.keys() & chunk.channel_count.keys()]
-        yield from storage.messages_scan(
-            wanted, min((chunk.message_start_time for chunk in chunks), default=None)
-        )
-    else:
-        for topic in dict.fromkeys(connection.topic for connection in wanted):
-            yield from storage.messages([c for c in wanted if c.topic == topic])
-
-
-def _unpacked(kind: str, data: bytes, size: int = 0) -> bytes:
-    """Return decompressed data.
+def _unpacked(kind: str, data: bytes) -> bytes:
+    """Return decompressed data; those of no kind as they are.
 
     Raises: MemoryError: if there are more than `MOST_UNPACKED`; ValueError: if they are cut off.
     """
@@ -125,6 +106,8 @@ def _unpacked(kind: str, data: bytes, size: int = 0) -> bytes:
     import lz4.frame
     from rosbags.rosbag2.storage_mcap import zstd
 
+    if kind in ("", "none"):
+        return data
     makers = {
         "bz2": bz2.BZ2Decompressor,
         "lz4": lz4.frame.LZ4FrameDecompressor,
@@ -143,22 +126,12 @@ def _unpacked(kind: str, data: bytes, size: int = 0) -> bytes:
 
 
 def _readers(path: Path) -> dict[bytes, Any]:
-    """Return the readers of rosbags by the first bytes of a file.
-
-    From here on they unpack within bounds, and leave the quality of service, whose YAML may take
-    minutes.
-    """
+    """Return the readers of rosbags by the first bytes of a file, which unpack within bounds."""
     optional_package("rosbags", path, "ROS bags need rosbags: pip install 'np_drake[ros]'.")
     from rosbags.rosbag1 import reader
     from rosbags.rosbag2 import storage_mcap, storage_sqlite3
 
-    bounded = {kind: functools.partial(_unpacked, kind) for kind in ("bz2", "lz4", "zstd")}
-    storage_mcap.DECOMPRESSORS |= {kind: bounded[kind] for kind in ("lz4", "zstd")}
-    reader.decompressors |= {kind: bounded[kind] for kind in ("lz4", "bz2")}
-    for module in (storage_mcap, storage_sqlite3):
-        module.parse_qos = lambda text: []  # type: ignore[attr-defined]
-
-    class Reader1(reader.Reader):
+    class BagReader(reader.Reader):
         """A reader whose index names no more messages than the file can hold."""
 
         def read_index_data(self, pos: int, indexes: Any) -> None:
@@ -168,7 +141,48 @@ def _readers(path: Path) -> dict[bytes, Any]:
                 "its index names more messages than it holds",
             )
 
-    return {MCAP: storage_mcap.McapReader, ROS1: Reader1, SQLITE: storage_sqlite3.Sqlite3Reader}
+        def read_chunk(self) -> Any:
+            chunk = super().read_chunk()
+            (kind,) = (k for k, f in reader.decompressors.items() if f is chunk.decompressor)
+            return chunk._replace(decompressor=functools.partial(_unpacked, kind))
+
+    class McapReader(storage_mcap.McapReader):
+        """A reader of messages as they lie in the file: sorted by time they would hide a clock that
+        was set back.
+        """
+
+        def open(self) -> None:
+            _check_chunks(storage_mcap, self.path)
+            super().open()
+
+        def messages(self, connections: Any, start: Any = None, stop: Any = None) -> Any:
+            return self.messages_scan(connections, start, stop)
+
+    return {MCAP: McapReader, ROS1: BagReader, SQLITE: storage_sqlite3.Sqlite3Reader}
+
+
+def _check_chunks(storage: Any, path: Path) -> None:
+    """Check what the chunks of an MCAP file unpack to; where they are damaged, their reader says
+    so.
+
+    Args:
+        storage: rosbags' module on such files.
+    Raises: MemoryError: as `_unpacked`.
+    """
+    with path.open("rb") as file:
+        file.seek(len(MCAP))
+        while kind := file.read(1):
+            try:
+                if kind != CHUNK:
+                    storage.skip_sized(file)
+                    continue
+                record = io.BytesIO(storage.read_sized(file))
+                record.seek(28)
+                _unpacked(storage.read_string(record), record.read()[8:])
+            except MemoryError:
+                raise
+            except Exception:
+                continue
 
 
 @contextlib.contextmanager
@@ -189,7 +203,7 @@ def _open(path: Path) -> Iterator[_Bag]:
             raise
         except Exception as error:  # whatever may be met in damaged bytes
             raise LogError(
-                f"{path}: must be a whole ROS bag; {_one_line(error)}. {REMEDY}"
+                f"{path}: must be a whole ROS bag; {one_line(error)}. {REMEDY}"
             ) from error
         yield bag
 
@@ -206,8 +220,8 @@ def _add_file(
     )
     with path.open("rb") as file:
         start = file.read(16)
-    beside = (path.with_name(path.name + end) for end in JOURNALS if start.startswith(SQLITE))
-    if journals := [file for file in beside if file.is_file() and file.stat().st_size]:
+    adjacent = (path.with_name(path.name + end) for end in JOURNALS if start.startswith(SQLITE))
+    if journals := [file for file in adjacent if file.is_file() and file.stat().st_size]:
         path = stack.enter_context(_completed(path, journals))
         bag.notes += [f"what its recorder left in {file.name} is read with it" for file in journals]
     bag.ros1 = start.startswith(ROS1)
@@ -219,9 +233,6 @@ def _add_file(
     stack.callback(storage.close)
     if start.startswith(SQLITE):
         storage.dbconn.limit(0, MOST_UNPACKED)  # bytes of a value
-    if bag.ros1:
-        for entries in storage.indexes.values():
-            entries.sort(key=lambda entry: (entry.chunk_pos, entry.offset))
     bag.storages.append(storage)
 
 
@@ -256,17 +267,17 @@ def _find_topics(bag: _Bag) -> None:
                 LogError,
             )
             store = get_typestore(Stores.ROS1_NOETIC if bag.ros1 else Stores.LATEST)
-            own = _types_of(kind, definition)
-            for name in own:
+            types = _types_of(kind, definition)
+            for name in types:
                 store.fielddefs.pop(name, None)
-            store.register(own)
+            store.register(types)
             known[definition] = store
         store = known[definition]
         try:
             store.get_msgdef(kind)
         except Exception as error:  # of the library, which does not know a part of it
             bag.notes.append(
-                f"{connection.topic} is left out: the type {_one_line(error)} is not defined"
+                f"{connection.topic} is left out: the type {one_line(error)} is not defined"
             )
             continue
         decode = store.deserialize_ros1 if bag.ros1 else store.deserialize_cdr
@@ -281,51 +292,51 @@ def _types_of(kind: str, definition: Any) -> dict[str, Any]:
     """Return the types that a definition holds; none where the library does not understand it."""
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
-    found: dict[str, Any] = {}
+    types: dict[str, Any] = {}
     with contextlib.suppress(Exception):  # the types are missing then
         if definition.format.name == "MSG":
-            found.update(get_types_from_msg(definition.data, kind))
+            types.update(get_types_from_msg(definition.data, kind))
         elif definition.format.name == "IDL":
             for part in definition.data.split("=" * 80 + "\n"):
-                found.update(get_types_from_idl(re.sub(r"\AIDL: .*\n", "", part)))
-    return found
+                types.update(get_types_from_idl(re.sub(r"\AIDL: .*\n", "", part)))
+    return types
 
 
 def _contents(path: Path) -> Contents:
-    found: dict[str, tuple[str, ...]] = {}
+    contents: dict[str, tuple[str, ...]] = {}
     with _open(path) as bag:
         for name, topic in bag.topics.items():
             columns: list[str] = []
             raw: Any = next((raw for _, _, raw in bag.messages([name])), None)
             with contextlib.suppress(Exception):  # a damaged message, or none
                 _find_numbers(topic.decode(raw, topic.type), "", columns)
-            if own := tuple(column for column in columns if not column.startswith("header.")):
-                found[name] = own
+            if numbers := tuple(column for column in columns if not column.startswith("header.")):
+                contents[name] = numbers
             require(
-                sum(map(len, found.values())) <= MOST_COLUMNS,
+                sum(map(len, contents.values())) <= MOST_COLUMNS,
                 f"{path}: must hold at most {MOST_COLUMNS} numbers by name. Keep fewer topics.",
                 LogError,
             )
-    if not found:
+    if not contents:
         why = f"; {bag.notes[-1]}" if bag.notes else ""
         raise LogError(
             f"{path}: must hold messages with numbers of known types; there are none{why}."
         )
-    return found
+    return contents
 
 
-def _find_numbers(value: Any, path: str, found: list[str]) -> None:
+def _find_numbers(value: Any, path: str, paths: list[str]) -> None:
     """Add the paths of the numbers within a part of a message."""
     if dc.is_dataclass(value):
         for field in dc.fields(value):
             if "covariance" not in field.name and field.name != PADDING:
                 name = f"{path}.{field.name}" if path else field.name
-                _find_numbers(getattr(value, field.name), name, found)
+                _find_numbers(getattr(value, field.name), name, paths)
     elif isinstance(value, list | np.ndarray):
         for i, item in enumerate(value if len(value) <= LONGEST else ()):
-            _find_numbers(item, f"{path}[{i}]", found)
-    elif not isinstance(value, str) and len(found) < MOST_NUMBERS:
-        found.append(path)
+            _find_numbers(item, f"{path}[{i}]", paths)
+    elif not isinstance(value, str) and len(paths) < MOST_NUMBERS:
+        paths.append(path)
 
 
 def _getter(path: str) -> Callable[[Any], float]:
@@ -395,7 +406,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         for i, (name, time, raw) in enumerate(bag.messages(wanted)):
             rows[name].take(time, raw)
             cells += 2 + len(rows[name].getters)
-            if i % EVERY == 0:
+            if i % MESSAGES_A_REPORT == 0:
                 require_cells(path, cells)
                 progress(min(1.0, i / max(total, 1)))
     progress(1.0)
@@ -491,10 +502,10 @@ def _topic(contents: Contents, columns: tuple[str, ...], preferred: str = "") ->
     """Return the topic that has the columns: the preferred one, or the only one; else an empty
     name.
     """
-    found = [name for name, has in contents.items() if set(columns) <= set(has)]
-    if preferred in found:
+    topics = [name for name, known in contents.items() if set(columns) <= set(known)]
+    if preferred in topics:
         return preferred
-    return found[0] if len(found) == 1 else ""
+    return topics[0] if len(topics) == 1 else ""
 
 
 def _recognises(path: Path, start: bytes) -> bool:
@@ -503,10 +514,6 @@ def _recognises(path: Path, start: bytes) -> bool:
             f.suffix in FILES[:2] for f in path.iterdir()
         )
     return start.startswith((MCAP, ROS1)) or (path.suffix == ".db3" and start.startswith(SQLITE))
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join((str(error) or type(error).__name__).split())[:200].rstrip(".")
 
 
 ROS = Format(
