@@ -19,7 +19,9 @@ import dataclasses as dc
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -50,10 +52,12 @@ from np_drake.logs.formats.format import (
     Recording,
     Scanned,
     Stream,
+    expanded,
     first_source,
     indexed,
     of_collective,
-    whole_content,
+    read_content,
+    scanned,
 )
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.vehicle.rotor_layout import FIRMWARE
@@ -69,6 +73,7 @@ DELAYS = (1.0, 2**0.5, 2 * (2**0.5 - 1) ** 0.5, 3 * (2 ** (1 / 3) - 1) ** 0.5)
 # is 7.6
 PT2 = 2
 FINE = 0.1  # of a gyro in high resolution [1]
+MAIN = "main"
 BODY = "body"
 FULL = 32767.0  # of a component of Betaflight's quaternion that is 1
 FORGETS = np.radians(20.0)  # turn between two rows that no vehicle makes; own choice
@@ -94,68 +99,65 @@ def default_map(contents: Contents) -> LogMap | None:
     is 15 ms late. Throttle is what is sent to the motors, 0 where they idle; Indiflight's `u` is
     the thrust that it asks for, over the largest one.
     """
-    told = getattr(contents, "parameters", {})
-    if "inav" in told:
+    settings = scanned(contents).parameters
+    if "inav" in settings:
         return _inav_map(contents)
-    indiflight = "indiflight" in told
-    if not indiflight and "betaflight" not in told:
+    indiflight = "indiflight" in settings
+    if not indiflight and "betaflight" not in settings:
         return None
-    version = told.get("betaflight", 4.0)
+    first = partial(first_source, contents)
+    version = settings.get("betaflight", 4.0)
     body = "frd" if GYRO[0] in contents.get(BODY, ()) else "flu"
-    scale = told.get("gyro_scale", 1.0) * (
-        FINE if told.get("blackbox_high_resolution", 0) > 0 else 1.0
-    )
+    fine = settings.get("blackbox_high_resolution", 0) > 0
+    delay = _gyro_delay(settings)
     driven = motors(contents)
-    delay = _gyro_delay(told)
-    quaternion = ([f"body/{n}" for n in QUATERNION], [f"main/{n}" for n in QUATERNION])
-    rates = ([f"body/{n}" for n in GYRO], indexed("main/gyroADC", 3))
-    forces = (
-        ([f"body/{n}" for n in ACCELEROMETER], indexed("main/accSmooth", 3))
-        if told.get("acc_1G", 0) >= 1
-        else ()
-    )
-    return LogMap(
+    log_map = LogMap(
         format="blackbox",
-        world="ned" if indiflight else "enu",
-        body="frd" if indiflight else "flu",
-        command="held_after" if told.get("P interval", 1.0) == 1 else "sampled",
-        position=first_source(contents, [indexed("main/pos", 3)], unit="mm")
-        if indiflight
-        else Source(),
-        velocity=first_source(contents, [indexed("main/vel", 3)], unit="cm/s", axes="world")
-        if indiflight
-        else Source(),
-        attitude=first_source(
-            contents, quaternion, order="wxyz", direction="body_to_world", late=delay
+        command=_command(settings),
+        attitude=first("body/quat[{0,1,2,3}]", "main/quat[{0,1,2,3}]", late=delay),
+        rates=first(
+            "body/gyro[{0,1,2}]",
+            "main/gyroADC[{0,1,2}]",
+            unit="deg/s",
+            scale=settings.get("gyro_scale", 1.0) * (FINE if fine else 1.0),
+            axes="body",
+            body=body,
+            late=delay,
         ),
-        rates=first_source(
-            contents, rates, unit="deg/s", scale=scale, axes="body", body=body, late=delay
-        ),
-        acceleration=first_source(
+        acceleration=_acceleration(
             contents,
-            forces,
-            unit="g",
-            scale=1 / max(told.get("acc_1G", 1.0), 1.0),
+            "body/acc[{0,1,2}]",
             axes="body",
             kind="specific_force",
             body=body,
-            late=_delay(told.get("acc_lpf_hz", 0.0) / 100, PT2),
+            late=_delay(settings.get("acc_lpf_hz", 0.0) / 100, PT2),
         ),
         rotor_speed=driven.rotor_speed,
         throttle=driven.throttle,
-        # Betaflight before 3.1 writes the reading of its converter.
-        voltage=first_source(
-            contents, [["main/vbatLatest"]], unit="V", scale=0.01 if version >= 4 else 0.1
-        )
-        if version >= 3.01
-        else Source(),
-        # the rates that the controller is asked for, as logged beside the gyro
-        commanded_rates=Source()
-        if indiflight
-        else first_source(
-            contents, [indexed("main/setpoint", 3)], unit="deg/s", axes="body", body="flu"
-        ),
     )
+    if version >= 3.01:  # before it, Betaflight writes the reading of its converter
+        log_map.voltage = first("main/vbatLatest", unit="V", scale=0.01 if version >= 4 else 0.1)
+    if indiflight:
+        log_map.world = "ned"
+        log_map.body = "frd"
+        log_map.position = first("main/pos[{0,1,2}]", unit="mm")
+        log_map.velocity = first("main/vel[{0,1,2}]", unit="cm/s", axes="world")
+    else:  # the rates that the controller is asked for, as logged beside the gyro
+        log_map.commanded_rates = first(
+            "main/setpoint[{0,1,2}]", unit="deg/s", axes="body", body="flu"
+        )
+    return log_map
+
+
+def _command(settings: Mapping[str, float]) -> str:
+    return "held_after" if settings.get("P interval", 1.0) == 1 else "sampled"
+
+
+def _acceleration(contents: Contents, *patterns: str, **how: Any) -> Source:
+    """Return the accelerometer, in the unit that the header states; none where it does not."""
+    unit = scanned(contents).parameters.get("acc_1G", 0.0)
+    patterns = (*patterns, "main/accSmooth[{0,1,2}]") if unit >= 1 else ()
+    return first_source(contents, *patterns, unit="g", scale=1 / max(unit, 1.0), **how)
 
 
 def _inav_map(contents: Contents) -> LogMap:
@@ -163,25 +165,18 @@ def _inav_map(contents: Contents) -> LogMap:
     velocity, whose y is turned to the west. Yaw grows to the right.
     Source: INAV, navigation and blackbox of its sources.
     """
-    told = getattr(contents, "parameters", {})
+    first = partial(first_source, contents)
     return LogMap(
         format="blackbox",
-        command="held_after" if told.get("P interval", 1.0) == 1 else "sampled",
-        position=first_source(contents, [indexed("main/navPos", 3)], unit="cm", signs=[1, -1, 1]),
-        velocity=first_source(contents, [indexed("main/navVel", 3)], unit="cm/s", signs=[1, -1, 1]),
-        attitude=first_source(
-            contents, [indexed("main/attitude", 3)], unit="deg", scale=0.1, signs=[1, 1, -1]
-        ),
-        rates=first_source(contents, [indexed("main/gyroADC", 3)], unit="deg/s"),
-        acceleration=first_source(
-            contents,
-            [indexed("main/accSmooth", 3)] if told.get("acc_1G", 0) >= 1 else [],
-            unit="g",
-            scale=1 / max(told.get("acc_1G", 1.0), 1.0),
-        ),
+        command=_command(scanned(contents).parameters),
+        position=first("main/navPos[{0,1,2}]", unit="cm", signs=[1, -1, 1]),
+        velocity=first("main/navVel[{0,1,2}]", unit="cm/s", signs=[1, -1, 1]),
+        attitude=first("main/attitude[{0,1,2}]", unit="deg", scale=0.1, signs=[1, 1, -1]),
+        rates=first("main/gyroADC[{0,1,2}]", unit="deg/s"),
+        acceleration=_acceleration(contents),
         throttle=motors(contents).throttle,
-        voltage=first_source(contents, [["main/vbat"]], unit="V", scale=0.01),
-        commanded_rates=first_source(contents, [indexed("main/axisRate", 3)], unit="deg/s"),
+        voltage=first("main/vbat", unit="V", scale=0.01),
+        commanded_rates=first("main/axisRate[{0,1,2}]", unit="deg/s"),
     )
 
 
@@ -189,54 +184,49 @@ def motors(contents: Contents) -> Motors:
     """Return the motors of a log, and their layout, that of Betaflight's Quad X, where they are
     four; they turn as the header states, if it does.
     """
-    told = getattr(contents, "parameters", {})
-    columns = [name for name in contents.get("main", ()) if MOTOR.fullmatch(name)]
+    settings = scanned(contents).parameters
+    columns = [name for name in contents.get(MAIN, ()) if MOTOR.fullmatch(name)]
     ends = [
-        told.get(f"motorOutput[{i}]", told.get(old, 0.0))
+        settings.get(f"motorOutput[{i}]", settings.get(old, 0.0))
         for i, old in enumerate(("minthrottle", "maxthrottle"))
     ]
     throttle = (
-        Source([f"main/{name}" for name in columns], "us", ends=ends)
+        Source([f"{MAIN}/{name}" for name in columns], "us", ends=ends)
         if len(columns) in (4, 6, 8) and ends[0] < ends[1]
         else Source()
     )
     if len(columns) != 4:
         return Motors(throttle, notes=of_collective(len(columns)))
-    speed = first_source(
-        contents,
-        (indexed(f"main/{name}", 4) for name in ("omegaUnfiltered", "omega")),
-        unit="rad/s",
-    )
-    if not speed and told.get("motor_poles", 0) > 0:  # in hundreds of electrical rpm
-        speed = first_source(
-            contents,
-            (indexed(f"main/{name}", 4) for name in ("eRPM", "eRPM(/100)")),
-            unit="rpm",
-            scale=200 / told["motor_poles"],
-        )
+    first = partial(first_source, contents)
+    speed = first("main/omegaUnfiltered[{0,1,2,3}]", "main/omega[{0,1,2,3}]", unit="rad/s")
+    poles = settings.get("motor_poles", 0)
+    if not speed and poles > 0:  # in hundreds of electrical rpm
+        names = ("main/eRPM[{0,1,2,3}]", "main/eRPM(/100)[{0,1,2,3}]")
+        speed = first(*names, unit="rpm", scale=200 / poles)
     layout = FIRMWARE["betaflight"]
-    turns = {0.0: 1.0, 1.0: -1.0}.get(told.get(REVERSED, np.nan), 0.0)
-    firmware = next((name for name in ("INAV", "Indiflight") if name.lower() in told), "Betaflight")
+    reverse = settings.get(REVERSED, np.nan)
+    turns = {0.0: 1.0, 1.0: -1.0}.get(reverse, 0.0)
+    firmware = next((n for n in ("INAV", "Indiflight") if n.lower() in settings), "Betaflight")
     return Motors(
         throttle,
         speed,
         dc.replace(
             layout,
             directions=tuple(turns * d for d in layout.directions),
-            source=f"{layout.source}, {REVERSED} {told[REVERSED]:g}" if turns else layout.source,
+            source=f"{layout.source}, {REVERSED} {reverse:g}" if turns else layout.source,
         ),
-        names=tuple(f"{firmware} motor {n}" for n in (1, 2, 3, 4)),
+        names=tuple(expanded(f"{firmware} motor {{1,2,3,4}}")),
     )
 
 
-def _gyro_delay(told: dict[str, float]) -> float:
+def _gyro_delay(settings: Mapping[str, float]) -> float:
     """Return the delay of the filters of the gyro whose cutoff the header states [s]; the moving
     ones are left out.
     """
     return sum(
-        _delay(told.get(f"{name}_static_hz", 0.0), int(told.get(f"{name}_type", 0.0)))
+        _delay(settings.get(f"{name}_static_hz", 0.0), int(settings.get(f"{name}_type", 0.0)))
         for name in ("gyro_lpf1", "gyro_lpf2")
-        if not told.get(f"{name}_dyn_hz[0]", 0.0) > 0
+        if not settings.get(f"{name}_dyn_hz[0]", 0.0) > 0
     )
 
 
@@ -291,7 +281,6 @@ def _told(of_imu: np.ndarray, turn: np.ndarray) -> np.ndarray:
     return np.arange(len(of_imu)) > np.max(jumps, initial=-1)
 
 
-MAIN = "main"
 MARK = b"H Product:Blackbox flight data recorder"
 MOST_FIELDS = 4096  # of a kind of frame, own choice: Indiflight has 200
 MOST_LOOPS = 1 << 14  # between two frames, own choice: 2 s at 8 kHz; the firmware has 256
@@ -522,7 +511,7 @@ def _contents(path: Path) -> Contents:
 
     Raises: LogError: if no header is whole.
     """
-    session = _largest(_sessions(path, whole_content(path))[0])
+    session = _largest(_sessions(path, read_content(path))[0])
     revision = session.settings.get("Firmware revision", "")
     count = sum(bool(MOTOR.fullmatch(name)) for name in session.names)
     other = (
@@ -540,7 +529,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
 
     Raises: LogError: if no header is whole, or no log has a frame.
     """
-    content = whole_content(path)
+    content = read_content(path)
     known, bad = _sessions(path, content)
     session = _largest(known)
     alike = [s for s in known if s.columns == session.columns and s.scales == session.scales]

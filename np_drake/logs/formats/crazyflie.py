@@ -39,8 +39,9 @@ from np_drake.logs.formats.format import (
     Progress,
     Recording,
     Stream,
+    expanded,
     first_source,
-    whole_content,
+    read_content,
 )
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -82,7 +83,7 @@ def contents(path: Path) -> Contents:
 
     Raises: LogError: if the header is damaged.
     """
-    content = whole_content(path)
+    content = read_content(path)
     if not content[1:].startswith(BLOCKS):
         return {name: variables for name, variables, _ in _header(path, content)[1].values()}
     names = [name for name, _ in _variables(path, content)[0][1:]]
@@ -94,7 +95,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
 
     Raises: LogError: if the header is damaged, or no record is whole.
     """
-    content = whole_content(path)
+    content = read_content(path)
     progress(1.0)
     of_kind = _read_blocks if content[1:].startswith(BLOCKS) else _read_events
     return of_kind(path, content, wanted)
@@ -325,59 +326,44 @@ def default_map(contents: Contents) -> LogMap | None:
         left.
     """
 
-    def source(*names: str, **how: Any) -> Source:
-        return first_source(
-            contents, ([f"{stream}/{name}" for name in names] for stream in contents), **how
-        )
+    def source(pattern: str, **how: Any) -> Source:
+        return first_source(contents, *(f"{stream}/{pattern}" for stream in contents), **how)
 
-    estimate = "stateEstimate."
-    compressed = "stateEstimateZ."
-    found = LogMap(
+    turn = {"order": "xyzw", "direction": "body_to_world"}
+    log_map = LogMap(
         format="crazyflie",
-        position=source(*_xyz(estimate), unit="m") or source(*_xyz(compressed), unit="mm"),
-        velocity=source(*_xyz(f"{estimate}v"), unit="m/s", axes="world")
-        or source(*_xyz(f"{compressed}v"), unit="mm/s", axes="world"),
-        attitude=source(
-            *(f"{estimate}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world"
-        )
-        or source(*(f"{compressed}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world")
-        or source(
-            *(f"{estimate}{a}" for a in ("roll", "pitch", "yaw")),
-            unit="deg",
-            signs=[1.0, -1.0, 1.0],
-        )
-        or source(*_xyz("ctrlLee.rpy")),
-        rates=source(*_xyz("gyro."), unit="deg/s", axes="body")
-        or source(*_xyz("ctrlLee.omega"), axes="body")
-        or source(
-            *(f"{compressed}rate{a}" for a in ("Roll", "Pitch", "Yaw")), unit="mrad/s", axes="body"
-        ),
-        acceleration=source(*_xyz("acc."), unit="g", axes="body", kind="specific_force")
-        or source(*_xyz(f"{compressed}a"), unit="mm/s2", axes="world", kind="specific_force"),
-        throttle=source(*_rotors("pwm.m{}_pwm"), unit="pwm16")
-        or source(*_rotors("motor.m{}"), unit="pwm16"),
-        rotor_speed=source(*_rotors("rpm.m{}"), unit="rpm"),
+        position=source("stateEstimate.{x,y,z}", unit="m")
+        or source("stateEstimateZ.{x,y,z}", unit="mm"),
+        velocity=source("stateEstimate.{vx,vy,vz}", unit="m/s", axes="world")
+        or source("stateEstimateZ.{vx,vy,vz}", unit="mm/s", axes="world"),
+        attitude=source("stateEstimate.{qx,qy,qz,qw}", **turn)
+        or source("stateEstimateZ.{qx,qy,qz,qw}", **turn)
+        or source("stateEstimate.{roll,pitch,yaw}", unit="deg", signs=[1.0, -1.0, 1.0])
+        or source("ctrlLee.{rpyx,rpyy,rpyz}"),
+        rates=source("gyro.{x,y,z}", unit="deg/s", axes="body")
+        or source("ctrlLee.{omegax,omegay,omegaz}", axes="body")
+        or source("stateEstimateZ.rate{Roll,Pitch,Yaw}", unit="mrad/s", axes="body"),
+        acceleration=source("acc.{x,y,z}", unit="g", axes="body", kind="specific_force")
+        or source("stateEstimateZ.{ax,ay,az}", unit="mm/s2", axes="world", kind="specific_force"),
+        throttle=source("pwm.m{1,2,3,4}_pwm", unit="pwm16")
+        or source("motor.m{1,2,3,4}", unit="pwm16"),
+        rotor_speed=source("rpm.m{1,2,3,4}", unit="rpm"),
         voltage=source("pm.vbatMV", unit="mV") or source("pm.vbat", unit="V"),
     )
-    if not found.rotor_speed:
-        found.thrust = source("ctrlLee.thrustSi", unit="N") or source("ctrlLee.thrustSI", unit="N")
-        if found.thrust:
-            found.torque = source(*_xyz("ctrlLee.torque"), unit="N.m")
-    return found if found.tells_motion else None
+    if not log_map.rotor_speed:
+        log_map.thrust = source("ctrlLee.thrustSi", unit="N") or source(
+            "ctrlLee.thrustSI", unit="N"
+        )
+        if log_map.thrust:
+            log_map.torque = source("ctrlLee.torque{x,y,z}", unit="N.m")
+    return log_map if log_map.tells_motion else None
 
 
 def motors(contents: Contents) -> Motors:
     """Return the motors of a log, by the names that the firmware gives them."""
-    found = default_map(contents) or LogMap()
-    return Motors(found.throttle, found.rotor_speed, names=tuple(_rotors("Crazyflie m{}")))
-
-
-def _xyz(prefix: str) -> list[str]:
-    return [f"{prefix}{axis}" for axis in "xyz"]
-
-
-def _rotors(pattern: str) -> list[str]:
-    return [pattern.format(rotor) for rotor in (1, 2, 3, 4)]
+    log_map = default_map(contents) or LogMap()
+    names = expanded("Crazyflie m{1,2,3,4}")
+    return Motors(log_map.throttle, log_map.rotor_speed, names=tuple(names))
 
 
 CRAZYFLIE = Format(

@@ -36,6 +36,7 @@ from np_drake.logs.formats.format import (
     first_source,
     no_progress,
     of_collective,
+    scanned,
     shaking,
 )
 from np_drake.logs.importing.log_map import LogMap, Source
@@ -79,7 +80,7 @@ def motors(contents: Contents) -> Motors:
 
     Raises: ValueError: if an output of a motor is not logged, or motors are not 4, 6 or 8.
     """
-    parameters: Mapping[str, float] = getattr(contents, "parameters", {})
+    parameters = scanned(contents).parameters
     kind, usual = FRAMES.get(int(parameters.get("FRAME_CLASS", 0)), ("", 4))
     outputs = _outputs(parameters)
     if not outputs:
@@ -498,14 +499,25 @@ def default_map(contents: Contents) -> LogMap | None:
     Raises: ValueError: if the frame is none that a vehicle file can hold, or an output of a motor
         is not logged.
     """
-    ekf = _first(contents, ("XKF1", "NKF1"), ("PN", "PE", "PD", "VN", "VE", "VD"))
-    attitude = _attitude(contents)
-    imu = _first(contents, ("IMU",), ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"))
+
+    def columns(message: str, pattern: str) -> list[str]:
+        streams = (f"{message}.{PRIMARY}", f"{message}.0", message)
+        return first_source(contents, *(f"{stream}/{pattern}" for stream in streams)).columns
+
+    state = "{PN,PE,PD,VN,VE,VD}"
+    ekf = columns("XKF1", state) or columns("NKF1", state)
+    imu = columns("IMU", "{GyrX,GyrY,GyrZ,AccX,AccY,AccZ}")
+    attitude = Source()
+    for message in ("XKQ", "XKQ1", "NKQ", "NKQ1", "ATT", "AHR2"):
+        attitude = (
+            attitude
+            or Source(columns(message, "{Q1,Q2,Q3,Q4}"))
+            or Source(columns(message, "{Roll,Pitch,Yaw}"), "deg")
+        )
     if not (imu or (attitude and ekf)):
         return None
     driven = motors(contents)
-    battery = _first(contents, ("BAT", "CURR"), ("Volt",))
-    collective = Source([] if driven.throttle else _first(contents, ("CTUN",), ("ThO",)))
+    collective = Source([] if driven.throttle else columns("CTUN", "ThO"))
     return LogMap(
         format="dataflash",
         world="ned",
@@ -518,28 +530,9 @@ def default_map(contents: Contents) -> LogMap | None:
         acceleration=Source(imu[3:], kind="specific_force", axes="body"),
         rotor_speed=driven.rotor_speed,
         throttle=driven.throttle or collective,
-        hover_throttle=Source(_first(contents, ("CTUN",), ("ThH",)) if collective else []),
-        voltage=Source(battery),
+        hover_throttle=Source(columns("CTUN", "ThH") if collective else []),
+        voltage=Source(columns("BAT", "Volt") or columns("CURR", "Volt")),
     )
-
-
-def _attitude(contents: Contents) -> Source:
-    for names in (("XKQ", "XKQ1", "NKQ", "NKQ1"), ("ATT",), ("AHR2",)):
-        if columns := _first(contents, names, ("Q1", "Q2", "Q3", "Q4")):
-            return Source(columns, order="wxyz", direction="body_to_world")
-        if columns := _first(contents, names, ("Roll", "Pitch", "Yaw")):
-            return Source(columns, "deg")
-    return Source()
-
-
-def _first(contents: Contents, names: tuple[str, ...], columns: tuple[str, ...]) -> list[str]:
-    """Return `stream/column` of the first message that has all columns: its primary or first
-    instance, if numbered.
-    """
-    streams = (stream for name in names for stream in (f"{name}.primary", f"{name}.0", name))
-    return first_source(
-        contents, ([f"{stream}/{column}" for column in columns] for stream in streams)
-    ).columns
 
 
 def _recognises(path: Path, start: bytes) -> bool:

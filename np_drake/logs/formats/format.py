@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import difflib
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +109,11 @@ class Scanned(dict[str, tuple[str, ...]]):
         self.values_of = dict(values or {})
 
 
+def scanned(contents: Contents) -> Scanned:
+    """Return contents as a header was scanned; without any of it where there was none."""
+    return contents if isinstance(contents, Scanned) else Scanned(contents)
+
+
 @dc.dataclass(frozen=True)
 class Motors:
     """What drives the rotors, as a log states it.
@@ -145,8 +150,8 @@ def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, 
     Raises: LogError: if no stream has such a column, or several have; the nearest names are in the
         message.
     """
-    stream, found, column = name.rpartition("/")
-    if found and column in contents.get(stream, ()):
+    stream, slash, column = name.rpartition("/")
+    if slash and column in contents.get(stream, ()):
         return stream, column
     holders = [s for s, columns in contents.items() if name in columns]
     if len(holders) == 1:
@@ -170,17 +175,24 @@ def _known(contents: Contents) -> str:
     return f"it has {', '.join(columns[:20])}" + (", …." if len(columns) > 20 else ".")
 
 
-def first_source(contents: Contents, choices: Iterable[Sequence[str]], **how: Any) -> Source:
-    """Return the source of the first choice whose columns are all there; an empty one where none
+def expanded(pattern: str) -> list[str]:
+    """Return the names of a pattern with braces, as a shell has them: `a/{x,y}` is a/x, a/y."""
+    before, brace, rest = pattern.partition("{")
+    parts, _, after = rest.partition("}")
+    return [f"{before}{part}{after}" for part in parts.split(",")] if brace else [pattern]
+
+
+def first_source(contents: Contents, *patterns: str, **how: Any) -> Source:
+    """Return the source of the first pattern whose columns are all there; an empty one where none
     is.
 
     Args:
-        choices: lists of `stream/column`.
+        patterns: of `stream/column`, as `expanded` takes them.
     """
-    for names in choices:
+    for names in map(expanded, patterns):
         places = (name.rpartition("/") for name in names)
-        if names and all(column in contents.get(stream, ()) for stream, _, column in places):
-            return Source(list(names), **how)
+        if all(column in contents.get(stream, ()) for stream, _, column in places):
+            return Source(names, **how)
     return Source()
 
 
@@ -198,12 +210,12 @@ def by_stream(
         names: of columns, as `find_column` takes them.
     Raises: LogError: as `find_column`.
     """
-    found: dict[str, list[str]] = {}
+    columns: dict[str, list[str]] = {}
     for name in names:
         stream, column = find_column(contents, name, path)
-        if column not in found.setdefault(stream, []):
-            found[stream].append(column)
-    return found
+        if column not in columns.setdefault(stream, []):
+            columns[stream].append(column)
+    return columns
 
 
 @dc.dataclass(frozen=True)
@@ -246,7 +258,7 @@ def first_bytes(path: Path) -> bytes:
         return file.read(FIRST)
 
 
-def whole_content(path: Path) -> bytes:
+def read_content(path: Path) -> bytes:
     """Return the bytes of a log, decompressed; LogError if they are damaged, or too many."""
     try:
         return decompressed(path)

@@ -13,7 +13,6 @@ Types are defined by the bag, or else by the library's latest ROS 2.
 
 import contextlib
 import dataclasses as dc
-import functools
 import io
 import operator
 import re
@@ -22,6 +21,7 @@ import sqlite3
 import tempfile
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,15 @@ import numpy as np
 from np_drake.checks import require
 from np_drake.files.file_access import note_input, size_of
 from np_drake.logs.errors import LogError, one_line, optional_package
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
+from np_drake.logs.formats.format import (
+    Contents,
+    Format,
+    Progress,
+    Recording,
+    Stream,
+    expanded,
+    first_source,
+)
 from np_drake.logs.formats.text_table import require_cells
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -52,13 +60,16 @@ SAME_CLOCK = 1_000_000_000  # [ns] between the delays of topics on one clock; ow
 MESSAGES_A_REPORT = 2000  # messages between two calls of progress
 PADDING = "structure_needs_at_least_one_member"  # of empty types in ROS 2
 REMEDY = "Copy it again, or mend it with `ros2 bag reindex`, `mcap recover` or `rosbag reindex`."
-XYZ = ("x", "y", "z")
-POSE = tuple(f"position.{c}" for c in XYZ) + tuple(f"orientation.{c}" for c in (*XYZ, "w"))
-ODOMETRY = tuple(f"pose.pose.{c}" for c in POSE)
-ODOMETRY += tuple(f"twist.twist.{kind}.{c}" for kind in ("linear", "angular") for c in XYZ)
-STAMPED_POSE = tuple(f"pose.{c}" for c in POSE)
-IMU = tuple(f"{kind}.{c}" for kind in ("angular_velocity", "linear_acceleration") for c in XYZ)
-WRENCH = tuple(f"wrench.{kind}.{c}" for kind in ("force", "torque") for c in XYZ)
+_XYZ = ".{x,y,z}"
+_XYZW = ".{x,y,z,w}"
+STAMPED_POSE = (*expanded(f"pose.position{_XYZ}"), *expanded(f"pose.orientation{_XYZW}"))
+ODOMETRY = (
+    *(f"pose.{column}" for column in STAMPED_POSE),
+    *expanded(f"twist.twist.linear{_XYZ}"),
+    *expanded(f"twist.twist.angular{_XYZ}"),
+)
+IMU = (*expanded(f"angular_velocity{_XYZ}"), *expanded(f"linear_acceleration{_XYZ}"))
+WRENCH = (*expanded(f"wrench.force{_XYZ}"), *expanded(f"wrench.torque{_XYZ}"))
 
 
 @dc.dataclass
@@ -144,7 +155,7 @@ def _readers(path: Path) -> dict[bytes, Any]:
         def read_chunk(self) -> Any:
             chunk = super().read_chunk()
             (kind,) = (k for k, f in reader.decompressors.items() if f is chunk.decompressor)
-            return chunk._replace(decompressor=functools.partial(_unpacked, kind))
+            return chunk._replace(decompressor=partial(_unpacked, kind))
 
     class McapReader(storage_mcap.McapReader):
         """A reader of messages as they lie in the file: sorted by time they would hide a clock that
@@ -466,36 +477,25 @@ def _default_map(contents: Contents) -> LogMap | None:
     if not odometry and not (pose and imu):
         return None
     wrench = _topic(contents, WRENCH)
-    throttle = first_source(
-        contents, [] if wrench else [["/mavros/setpoint_raw/target_attitude/thrust"]]
-    )
-    prefix = f"{odometry}/pose.pose" if odometry else f"{pose}/pose"
+    pose = f"{odometry}/pose.pose" if odometry else f"{pose}/pose"
     rates = f"{odometry}/twist.twist.angular" if odometry else f"{imu}/angular_velocity"
+    first = partial(first_source, contents)
+    throttle = Source() if wrench else first("/mavros/setpoint_raw/target_attitude/thrust")
     return LogMap(
         format="ros",
         world="enu",
         body="flu",
         command="held_after" if wrench or throttle else "unknown",
-        position=Source(_of(f"{prefix}.position")),
-        velocity=Source(_of(f"{odometry}/twist.twist.linear"), axes="body")
-        if odometry
-        else Source(),
-        attitude=Source(
-            _of(f"{prefix}.orientation", (*XYZ, "w")), order="xyzw", direction="body_to_world"
-        ),
-        rates=Source(_of(rates), axes="body"),
-        acceleration=Source(_of(f"{imu}/linear_acceleration"), kind="specific_force", axes="body")
-        if imu
-        else Source(),
-        thrust=Source([f"{wrench}/wrench.force.z"] if wrench else []),
-        torque=Source(_of(f"{wrench}/wrench.torque") if wrench else []),
+        position=first(f"{pose}.position{_XYZ}"),
+        velocity=first(f"{odometry}/twist.twist.linear{_XYZ}", axes="body"),
+        attitude=first(f"{pose}.orientation{_XYZW}", order="xyzw", direction="body_to_world"),
+        rates=first(f"{rates}{_XYZ}", axes="body"),
+        acceleration=first(f"{imu}/linear_acceleration{_XYZ}", kind="specific_force", axes="body"),
+        thrust=first(f"{wrench}/wrench.force.z"),
+        torque=first(f"{wrench}/wrench.torque{_XYZ}"),
         throttle=throttle,
-        voltage=first_source(contents, [["/mavros/battery/voltage"]]),
+        voltage=first("/mavros/battery/voltage"),
     )
-
-
-def _of(path: str, parts: tuple[str, ...] = XYZ) -> list[str]:
-    return [f"{path}.{part}" for part in parts]
 
 
 def _topic(contents: Contents, columns: tuple[str, ...], preferred: str = "") -> str:

@@ -34,6 +34,7 @@ from np_drake.logs.formats.format import (
     Stream,
     first_source,
     indexed,
+    scanned,
 )
 from np_drake.logs.importing.log_map import LogMap
 
@@ -264,7 +265,7 @@ def motors(contents: Contents) -> Motors:
 
     Raises: ValueError: as that of its own log.
     """
-    parameters = getattr(contents, "parameters", {})
+    parameters = scanned(contents).parameters
     ardupilot = _is_ardupilot(parameters)
     names: dict[str, str] = {}  # of the columns here, by those in the autopilot's own log
     for name in (
@@ -294,39 +295,37 @@ def default_map(contents: Contents) -> LogMap | None:
     Raises: ValueError: as `motors`, or if no output moves.
     """
     first = partial(first_source, contents)
-    quaternion = [f"ATTITUDE_QUATERNION/q{i}" for i in "1234"]
-    angles = ("roll", "pitch", "yaw")
-    speeds = [[f"{m}/{a}speed" for a in angles] for m in ("ATTITUDE_QUATERNION", "ATTITUDE")]
-    gyro, force = (
-        [[f"{m}/{a}{kind}" for a in "xyz"] for m in ("HIGHRES_IMU.0", "HIGHRES_IMU")]
-        for kind in ("gyro", "acc")
-    )
-    local = "LOCAL_POSITION_NED"
-    world = "GLOBAL_POSITION_INT"
     driven = motors(contents)
-    found = LogMap(
+    log_map = LogMap(
         format="tlog",
         world="ned",
         body="frd",
-        position=first([[f"{local}/{a}" for a in "xyz"]]),
-        velocity=first([[f"{local}/v{a}" for a in "xyz"]])
-        or first([[f"{world}/v{a}" for a in "xyz"]], unit="cm/s"),
-        attitude=first([quaternion]) or first([[f"ATTITUDE/{a}" for a in angles]], unit="rad"),
-        rates=first([*gyro, *speeds]),
-        acceleration=first(force) or first([[f"SCALED_IMU/{a}acc" for a in "xyz"]], unit="mg"),
+        position=first("LOCAL_POSITION_NED/{x,y,z}"),
+        velocity=first("LOCAL_POSITION_NED/{vx,vy,vz}")
+        or first("GLOBAL_POSITION_INT/{vx,vy,vz}", unit="cm/s"),
+        attitude=first("ATTITUDE_QUATERNION/{q1,q2,q3,q4}")
+        or first("ATTITUDE/{roll,pitch,yaw}", unit="rad"),
+        rates=first(
+            "HIGHRES_IMU.0/{x,y,z}gyro",
+            "HIGHRES_IMU/{x,y,z}gyro",
+            "ATTITUDE_QUATERNION/{roll,pitch,yaw}speed",
+            "ATTITUDE/{roll,pitch,yaw}speed",
+        ),
+        acceleration=first("HIGHRES_IMU.0/{x,y,z}acc", "HIGHRES_IMU/{x,y,z}acc")
+        or first("SCALED_IMU/{x,y,z}acc", unit="mg"),
         rotor_speed=driven.rotor_speed,
         throttle=driven.throttle
-        or first([["ATTITUDE_TARGET/thrust"]])
-        or first([["VFR_HUD/throttle"]], unit="percent"),
-        voltage=first([["SYS_STATUS/voltage_battery"]], unit="mV"),
+        or first("ATTITUDE_TARGET/thrust")
+        or first("VFR_HUD/throttle", unit="percent"),
+        voltage=first("SYS_STATUS/voltage_battery", unit="mV"),
     )
     still = [name for name, columns in contents.items() if not columns]
     require(
-        found.throttle or found.rotor_speed or not still,
+        log_map.throttle or log_map.rotor_speed or not still,
         f"{NO_FLIGHT}the motors do not carry the vehicle; no output of {' and '.join(still)} ever "
         "changes. Bring the log of a flight.",
     )
-    return found if found.tells_motion else None
+    return log_map if log_map.tells_motion else None
 
 
 TELEMETRY = Format(

@@ -12,6 +12,7 @@ import io
 import itertools
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,7 @@ from np_drake.logs.formats.format import (
     indexed,
     no_progress,
     of_collective,
+    scanned,
     shaking,
 )
 from np_drake.logs.importing.log_map import SIZES, LogMap, Source
@@ -73,12 +75,10 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
         slowest: rate below which a stream is passed over [Hz].
     Raises: ValueError: if outputs move and nothing says which are motors.
     """
-    parameters: Parameters = getattr(contents, "parameters", {})
-    rates = getattr(contents, "rates", {})
-    values = getattr(contents, "values_of", {})
-    fast = {
-        name: columns for name, columns in contents.items() if rates.get(name, np.inf) >= slowest
-    }
+    header = scanned(contents)
+    parameters = header.parameters
+    values = header.values_of
+    fast = {n: columns for n, columns in contents.items() if header.rates.get(n, np.inf) >= slowest}
     lifting = _lifting(parameters)
     moving = [c for c in fast.get("actuator_motors", ()) if ROTOR_COLUMN.fullmatch(c)]
     allocated = [f"control[{n}]" for n in lifting] or moving
@@ -273,11 +273,11 @@ STILL = 0.1  # changes over those of the liveliest, up to which an output is no 
 MOVES = "moves"  # in place of a column: changes of the liveliest of its outputs
 LIFTS = "lifts"  # in place of a column: correlation of its outputs with the collective thrust
 LIFTING = 0.5  # correlation from which outputs are those of motors, not of a gimbal [1]; own choice
-COLLECTIVE = (  # setpoints of the collective thrust, and the sign of it in each
-    ("vehicle_thrust_setpoint", "xyz[2]", -1.0),
-    ("actuator_controls_0", "control[3]", 1.0),
-    ("vehicle_attitude_setpoint", "thrust_body[2]", -1.0),
-)
+COLLECTIVE = {  # setpoints of the collective thrust, and the sign of it in each
+    "vehicle_thrust_setpoint/xyz[2]": -1.0,
+    "actuator_controls_0/control[3]": 1.0,
+    "vehicle_attitude_setpoint/thrust_body[2]": -1.0,
+}
 LARGEST_MESSAGE = 65_535  # [bytes], its size is a uint16
 MOST_FIELDS = 200_000  # of all subscriptions together
 # They act when they are published, whatever they were computed from.
@@ -471,12 +471,16 @@ def _lift(log: Any, t: np.ndarray, outputs: Sequence[np.ndarray]) -> float:
     """Return the highest correlation with the collective thrust of any of the outputs (n,), and of
     their mean [1]; 0: none.
     """
-    data = {own.name: own.data for own in log.data_list}
-    known = [(data[n], field, sign) for n, field, sign in COLLECTIVE if field in data.get(n, ())]
-    if not known or not outputs:
+    fields = {
+        f"{data.name}/{field}": (data.data["timestamp"], values)
+        for data in log.data_list
+        for field, values in data.data.items()
+    }
+    setpoint = next((name for name in COLLECTIVE if name in fields), "")
+    if not setpoint or not outputs:
         return 0.0
-    own, field, sign = known[0]
-    thrust = np.interp(t, own["timestamp"], np.nan_to_num(sign * own[field]))
+    at, values = fields[setpoint]
+    thrust = np.interp(t, at, np.nan_to_num(COLLECTIVE[setpoint] * values))
     thrust -= thrust.mean()
     tried = np.array([*outputs, np.mean(outputs, axis=0)])
     tried = np.nan_to_num(tried - np.nanmean(tried, axis=1, keepdims=True))
@@ -687,43 +691,35 @@ def _default_map(contents: Contents) -> LogMap | None:
     is taken to be in body axes, as MAVLink's ODOMETRY has it.
     Raises: ValueError: if no motor moves, or outputs do and nothing says which are motors.
     """
+    first = partial(first_source, contents)
     position, velocity, odometry = _position(contents)
     fast = motors(contents, SLOWEST_ROTORS)
-    setpoints = (
-        first_source(contents, [[f"{name}/{field}"]], unit="1", scale=sign)
-        for name, field, sign in COLLECTIVE
-    )
-    collective = next((source for source in setpoints if source), Source())
-    found = LogMap(
+    setpoints = (first(name, unit="1", scale=sign) for name, sign in COLLECTIVE.items())
+    collective = next(filter(None, setpoints), Source())
+    log_map = LogMap(
         format="ulog",
         world="ned",
         body="frd",
         command="unknown",  # setpoints are logged at less than their own rate
         position=position,
         velocity=velocity,
-        attitude=first_source(
-            contents,
-            (indexed(f"{stream}/q", 4) for stream in ("vehicle_attitude", odometry)),
+        attitude=first(
+            "vehicle_attitude/q[{0,1,2,3}]",
+            f"{odometry}/q[{{0,1,2,3}}]",
             order="wxyz",
             direction="body_to_world",
         ),
-        rates=first_source(
-            contents,
-            (
-                indexed("vehicle_angular_velocity/xyz", 3),
-                indexed("sensor_combined/gyro_rad", 3),
-                [f"vehicle_attitude/{axis}speed" for axis in ("roll", "pitch", "yaw")],
-                indexed("vehicle_odometry/angular_velocity", 3),
-            ),
+        rates=first(
+            "vehicle_angular_velocity/xyz[{0,1,2}]",
+            "sensor_combined/gyro_rad[{0,1,2}]",
+            "vehicle_attitude/{roll,pitch,yaw}speed",
+            "vehicle_odometry/angular_velocity[{0,1,2}]",
             unit="rad/s",
             axes="body",
         ),
-        acceleration=first_source(
-            contents,
-            (
-                indexed("sensor_combined/accelerometer_m_s2", 3),
-                indexed("vehicle_acceleration/xyz", 3),
-            ),
+        acceleration=first(
+            "sensor_combined/accelerometer_m_s2[{0,1,2}]",
+            "vehicle_acceleration/xyz[{0,1,2}]",
             unit="m/s2",
             axes="body",
             kind="specific_force",
@@ -732,13 +728,13 @@ def _default_map(contents: Contents) -> LogMap | None:
         throttle=fast.throttle
         if len(fast.throttle.columns) == 4
         else collective or fast.throttle or motors(contents).throttle,
-        hover_throttle=first_source(contents, [["hover_thrust_estimate/hover_thrust"]], unit="1"),
-        voltage=first_source(contents, [["battery_status/voltage_v"]], unit="V"),
+        hover_throttle=first("hover_thrust_estimate/hover_thrust", unit="1"),
+        voltage=first("battery_status/voltage_v", unit="V"),
     )
-    if not found.tells_motion:
+    if not log_map.tells_motion:
         return None
-    values = getattr(contents, "values_of", {})
-    driven = found.throttle or found.rotor_speed
+    values = scanned(contents).values_of
+    driven = log_map.throttle or log_map.rotor_speed
     still = [name for name in contents if values.get(f"{name}/{MOVES}", 1.0) == 0]
     require(
         "actuator_motors" not in still and (driven or not still),
@@ -753,7 +749,7 @@ def _default_map(contents: Contents) -> LogMap | None:
             f"motors (PWM_MAIN_FUNCn, "
             "CA_ROTOR_COUNT). Name them as throttle in a map.",
         )
-    return found
+    return log_map
 
 
 def _position(contents: Contents) -> tuple[Source, Source, str]:
@@ -762,12 +758,18 @@ def _position(contents: Contents) -> tuple[Source, Source, str]:
         (s for s in ("vehicle_odometry", "vehicle_visual_odometry") if s in contents), ""
     )
     for stream in ("vehicle_local_position", odometry):
-        axes = "body" if stream == "vehicle_visual_odometry" else "world"
-        places = [[f"{stream}/{axis}" for axis in "xyz"], indexed(f"{stream}/position", 3)]
-        speeds = [[f"{stream}/v{axis}" for axis in "xyz"], indexed(f"{stream}/velocity", 3)]
-        position = first_source(contents, places, unit="m")
+        position = first_source(
+            contents, f"{stream}/{{x,y,z}}", f"{stream}/position[{{0,1,2}}]", unit="m"
+        )
         if position:
-            return position, first_source(contents, speeds, unit="m/s", axes=axes), odometry
+            velocity = first_source(
+                contents,
+                f"{stream}/{{vx,vy,vz}}",
+                f"{stream}/velocity[{{0,1,2}}]",
+                unit="m/s",
+                axes="body" if stream == "vehicle_visual_odometry" else "world",
+            )
+            return position, velocity, odometry
     return Source(), Source(), odometry
 
 
