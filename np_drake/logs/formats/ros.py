@@ -172,7 +172,7 @@ def _readers(path: Path) -> dict[bytes, Any]:
     return {MCAP: McapReader, ROS1: BagReader, SQLITE: storage_sqlite3.Sqlite3Reader}
 
 
-def _check_chunks(storage: Any, path: Path) -> None:
+def _check_chunks(storage: Any, path: Any) -> None:
     """Check what the chunks of an MCAP file unpack to; where they are damaged, their reader says
     so.
 
