@@ -85,7 +85,7 @@ def test_a_new_effect_is_simulated_found_reported_corrected_and_exported(tmp_pat
 
         entry = EffectEntry("elastic_cord", {"stiffness": 0.5})
         found = diagnose(
-            vehicle, [flown(entry, "circle", 1.5, 0)], [flown(entry, "lemniscate", 2.0, 1)]
+            [flown(entry, "circle", 1.5, 0)], [flown(entry, "lemniscate", 2.0, 1)], vehicle
         )
         assert [cause.identifier for cause in found.causes] == ["elastic_cord"]
         stiffness = found.causes[0].parameters["stiffness"]

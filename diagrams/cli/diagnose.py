@@ -111,9 +111,9 @@ def diagnose(
 
     with progress("diagnosing", 1.0) as advance:
         found = five_steps(
-            nominal,
             fitted,
             judging,
+            nominal,
             None if no_replay else DrakeReplay(nominal),
             adaptive_split=not no_second_look,
             tolerance={None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig],
@@ -143,7 +143,7 @@ def diagnose(
     def write(folder: Path) -> None:
         links = _write_overlay(found, nominal, [] if no_replay else judging, folder)
         links |= _write_simulators(found, nominal, folder)
-        say(f"report: {write_report(found, folder, seed=run.seed, config=config, beside=links)}")
+        say(f"report: {write_report(found, folder, seed=run.seed, config=config, links=links)}")
 
     content = found.as_json()
     del content["schema"]  # the head says it

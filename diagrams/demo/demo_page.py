@@ -42,7 +42,7 @@ def write_demo(demo: Demo, folder: Path) -> Path:
         side_by_side.FILE: f"The {HELD_OUT} beside its simulators",
         corrected.FILE: "Corrected simulator",
     }
-    report = write_report(demo.diagnosis, folder, seed=demo.seed, beside=simulators)
+    report = write_report(demo.diagnosis, folder, seed=demo.seed, links=simulators)
     links = {report.name: "Report of the diagnosis", **simulators}
     for flight in (demo.training, *demo.flights.values()):
         write_log(flight.log(), folder / f"{flight.config.name}_{flight.label}.csv")

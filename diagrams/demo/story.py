@@ -209,7 +209,7 @@ def _diagnose(
     one.
     """
     replay = DrakeReplay(vehicle)
-    found = diagnose(vehicle, train, held_out, replay, adaptive_split=False)
+    found = diagnose(train, held_out, vehicle, replay, adaptive_split=False)
     beside = side_by_side(found, vehicle, held_out, replay)
     world = corrected_simulator(found, vehicle).reality
     flown = {("corrected", row.kind): in_simulator(world, row.kind)() for row in FORETOLD}

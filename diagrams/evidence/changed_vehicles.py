@@ -145,7 +145,7 @@ def diagnosed(case: Case, *, seconds: float) -> dict[str, Any]:
     return {
         "mass": truth.vehicle.mass,
         "true": change,
-        **verdict(diagnose(truth.known, since[:TRAIN], since[TRAIN:], before=before), change),
+        **verdict(diagnose(since[:TRAIN], since[TRAIN:], truth.known, before=before), change),
     }
 
 

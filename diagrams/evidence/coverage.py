@@ -53,7 +53,7 @@ def known(case: Case) -> dict[str, Any]:
     mass = truth.vehicle.mass
     battery = truth.throttle.voltage
     vehicle = identified_vehicle(identify(logs, truth.known, mass=mass), "identified")
-    answer = diagnose(vehicle, logs[:-1], logs[-1:])
+    answer = diagnose(logs[:-1], logs[-1:], vehicle)
     config = corrected_simulator(answer, vehicle)
     default = default_flight(vehicle)
     found = config.reality  # in which a payload may hang as a cause

@@ -302,7 +302,7 @@ def _beside_truth(q: Identified, true: float, truth: Truth) -> Line:
         "name": q.name,
         "air": "velocity" in quantity.needs,
         "unit": unit,
-        "told": q.told,
+        "told": q.observable,
         "within": bool(q.low <= true <= q.high),
         "value": q.value,
         "ci95": [q.low, q.high],

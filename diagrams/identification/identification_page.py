@@ -93,7 +93,7 @@ def content(
                 q.title,
                 *interval(q),
                 prior_interval(q),
-                "flights" if q.told else "prior",
+                "flights" if q.observable else "prior",
                 *([agreement(q)] if each else []),
             ]
             for q in found.quantities
@@ -222,7 +222,7 @@ def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
     traded = {name for pair in trades(found) for names in pair for name in names}
     ways: dict[str, list[Identified]] = {}
     for q in found.quantities:
-        if not q.told and q.quantity.manoeuvre and q.name not in traded:
+        if not q.observable and q.quantity.manoeuvre and q.name not in traded:
             ways.setdefault(q.quantity.manoeuvre, []).append(q)
     silent = [q.name for q in QUANTITIES if not found.parts.issuperset({*q.needs} & {"rotors"})]
     alone = [(EACH_ROTOR, silent, "the log does not say what turns each rotor")] if silent else []
@@ -248,7 +248,7 @@ def summary(found: Identification) -> list[str]:
         *(
             f"not told: {q.title}"
             for q in found.quantities
-            if not q.told and not q.quantity.manoeuvre
+            if not q.observable and not q.quantity.manoeuvre
         ),
     ]
     if differing := differences([*own_values(found), *flight_values(found)]):
@@ -293,10 +293,10 @@ def headline(found: Identification) -> str:
     every = {q.name: q for q in found.quantities}
     count = len(found.models)
     by = f"{count} flight{'s' if count > 1 else ''}"
-    told = sum(q.told for q in found.quantities)
+    told = sum(q.observable for q in found.quantities)
     leading = [next((every[n] for n in names if n in every), None) for names in ANSWERS]
     said = [
-        f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)}, {TELLS[q.told]})"
+        f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)}, {TELLS[q.observable]})"
         for q in leading
         if q
     ]
@@ -337,7 +337,7 @@ def interval_figure(found: Identification) -> Figure:
     ax = grid[0, 0]
     for place, q in enumerate(shown):
         value, *ends = (place_in_prior(q, v) for v in (q.value, q.low, q.high))
-        colour = TOLD if q.told else OTHER
+        colour = TOLD if q.observable else OTHER
         ax.hlines(place, -1, 1, color=PRIOR, linewidth=9, label="prior, 95 %", zorder=1)
         ax.plot(np.clip(ends, -REACH, REACH), [place, place], color=colour, linewidth=2.4, zorder=2)
         ax.plot(
@@ -346,9 +346,9 @@ def interval_figure(found: Identification) -> Figure:
             marker="o" if abs(value) <= REACH else "<" if value < 0 else ">",
             markersize=5.5,
             color=colour,
-            markerfacecolor=colour if q.told else "white",
+            markerfacecolor=colour if q.observable else "white",
             linestyle="none",
-            label="told by the flights" if q.told else "not told: the prior's",
+            label="told by the flights" if q.observable else "not told: the prior's",
             zorder=3,
         )
         told, both = interval(q)

@@ -51,7 +51,7 @@ def main() -> None:
         logs.append(fly(config, seed=len(logs)).log())
     # a simulator logs commands as they act
     vehicle = dc.replace(config.vehicle, command_timing="held")
-    found = diagnose(vehicle, logs[:1], logs[1:])
+    found = diagnose(logs[:1], logs[1:], vehicle)
     print(found.verdict, found.causes[0].parameters["stiffness"])
 
 

@@ -17,7 +17,7 @@ from np_drake.logs.opening import open_case
 def answer(folder: Path) -> Diagnosis:
     """The diagnosis of the case folder: vehicle.yaml, train_* and heldout* flight logs."""
     vehicle, train, held_out = open_case(folder)
-    return diagnose(vehicle, train, held_out, DrakeReplay(vehicle))
+    return diagnose(train, held_out, vehicle, DrakeReplay(vehicle))
 
 
 def main() -> None:

@@ -90,7 +90,7 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
         for i, (p, J) in enumerate(zip(InertiaError.parameters, vehicle.J.diagonal(), strict=True))
     }
     center = [span * SPREAD.center_of_mass] * 2 + [span * SPREAD.center_of_mass_height]
-    found = [
+    deviations = [
         *(
             Deviation(
                 WeakRotor,
@@ -117,23 +117,23 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
         tilt = {
             axis: stated("calibration.imu_tilt", SPREAD.mounting, i) for i, axis in enumerate(AXES)
         }
-        found += [
+        deviations += [
             Deviation(ImuMounting, tilt),
             Deviation(AttitudeLatency, {"latency": SPREAD.latency}),
         ]
     if e.log.a is not None:
-        found.append(
+        deviations.append(
             Deviation(AccelerometerBias, dict.fromkeys("xyz", SPREAD.accelerometer_offset))
         )
     if not e.measured_rotors:
-        found.append(
+        deviations.append(
             Deviation(
                 CommandDelay, {"delay": stated("calibration.command_delay", SPREAD.command_time)}
             )
         )
         lags = SPREAD.lags if "rotor_time_constant" not in vehicle.intervals else ()
-        found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
-    return found
+        deviations += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
+    return deviations
 
 
 def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
@@ -147,10 +147,10 @@ def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
     if e.log.input == "normalised":
         alone |= {MassError, ThrustScale}
     if tolerance.unmeasured:
-        every = [d.effect for d in (*of_vehicle(e, tolerance), *of_flight(e, tolerance))]
-        sensors = [f for f in every if f.place == "measurement" or f.role == "mixer"]
+        effects = [d.effect for d in (*of_vehicle(e, tolerance), *of_flight(e, tolerance))]
+        sensors = [f for f in effects if f.place == "measurement" or f.role == "mixer"]
         # Of inertia and the share of torque that acts a flight shows the ratio alone.
-        alone |= {*sensors, *(f for f in every if f.shifts_commands), InertiaError}
+        alone |= {*sensors, *(f for f in effects if f.shifts_commands), InertiaError}
     return {effect.identifier for effect in alone}
 
 
@@ -159,21 +159,23 @@ def of_flight(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
     unmeasured vehicle trim.
     """
     usual = (SPREAD.accelerometer, SPREAD.tilt, SPREAD.gyro, SPREAD.velocity)
-    found = []
+    deviations = []
     for effect, least in zip(SENSORS, usual, strict=True):
         error = max(tolerance.of(effect), least * tolerance.unmeasured)
         if effect is not AccelerometerBias or e.log.a is not None:
-            found.append(Deviation(effect, {p.name: error for p in effect.parameters}))
+            deviations.append(Deviation(effect, {p.name: error for p in effect.parameters}))
     if not tolerance.unmeasured:
-        return [*found, *of_battery(e)]
-    found += [Deviation(WeakRotor, {"efficiency": SPREAD.rotor_trim}, {"rotor": i}) for i in ROTORS]
+        return [*deviations, *of_battery(e)]
+    deviations += [
+        Deviation(WeakRotor, {"efficiency": SPREAD.rotor_trim}, {"rotor": i}) for i in ROTORS
+    ]
     if e.earlier:
         # How much of the torque the motion hides goes with noise and liveliness of the flight: a
         # change since is told by what it shows.
         hidden = {axis: 1.0 - gain for axis, gain in zip(AXES, e.torque_gain, strict=True)}
         share = {axis: SPREAD.torque_share * part for axis, part in hidden.items() if part > 0}
-        found += [Deviation(MixerGain, share)] if share else []
-    return found + (
+        deviations += [Deviation(MixerGain, share)] if share else []
+    return deviations + (
         of_battery(e)
         or [
             Deviation(BATTERY[0], {"scale": SPREAD.known_charge}),
@@ -291,11 +293,11 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     """Return the effects of the vehicle's calibration, without those of sensors, for a
     simulator.
     """
-    found: list[Effect] = [
+    effects: list[Effect] = [
         t.effect for t in fit.calibration if not isinstance(t.effect, SensorEffect)
     ]
     if not fit.calibrated:
-        return found
+        return effects
     # A share of all torque is shown as if the inertia were larger.
     moments = e.vehicle.J.diagonal() / e.torque_gain
     coefficients = iter(fit.calibrated[0][1])
@@ -305,15 +307,17 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
         }
         if d.at_value or d.effect.place == "measurement" or d.effect.shifts_commands:
             continue
-        own = [p for p in d.effect.parameters if p.name in moved]
-        values = [np.clip(p.neutral + moved[p.name], p.lower, p.upper) for p in own]
+        parameters = [p for p in d.effect.parameters if p.name in moved]
+        values = [np.clip(p.neutral + moved[p.name], p.lower, p.upper) for p in parameters]
         if d.effect is InertiaError:
             moments *= values
         else:
-            found.append(d.at(**{p.name: float(v) for p, v in zip(own, values, strict=True)}))
+            effects.append(
+                d.at(**{p.name: float(v) for p, v in zip(parameters, values, strict=True)})
+            )
     # No larger than a rigid body can have it.
     moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
-    return [*found, InertiaError(*(moments / e.vehicle.J.diagonal()))]
+    return [*effects, InertiaError(*(moments / e.vehicle.J.diagonal()))]
 
 
 def file_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
@@ -328,12 +332,12 @@ def file_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> lis
 
 def flight_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
     """Return what every flight differs by, a candidate a flight; none for ideal sensors."""
-    found = []
+    candidates = []
     for e in flights if tolerance.real else ():
-        own = errors_of(e, tolerance)
-        columns = {o.name: np.broadcast_to(0.0, (*o.y.shape, own.shape[-1])) for o in flights}
-        found.append(Candidate((), LINEAR, {**columns, e.name: own}, lambda c: []))
-    return found
+        errors = errors_of(e, tolerance)
+        columns = {o.name: np.broadcast_to(0.0, (*o.y.shape, errors.shape[-1])) for o in flights}
+        candidates.append(Candidate((), LINEAR, {**columns, e.name: errors}, lambda c: []))
+    return candidates
 
 
 def errors_of(e: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
@@ -402,9 +406,9 @@ def _lagged(e: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]:
     others = (torque + e.y[:, TORQUE][:, axis], v_B, e.nominal[:, 2], e.y[:, FORCE])
     signals = np.column_stack([*lagged, *(signal[rows[-1] :] for signal in others)])
     apart = max(1, round(CHANGE / e.grid.step))
-    own, beside = np.split(signals[apart:] - signals[:-apart], [len(LAGS) + 1], axis=1)
-    own = own - beside @ np.linalg.lstsq(beside, own, rcond=None)[0]
-    return own[:, :-1], own[:, -1]
+    torques, nuisance = np.split(signals[apart:] - signals[:-apart], [len(LAGS) + 1], axis=1)
+    torques = torques - nuisance @ np.linalg.lstsq(nuisance, torques, rcond=None)[0]
+    return torques[:, :-1], torques[:, -1]
 
 
 def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> list[FlightResiduals]:
@@ -414,14 +418,14 @@ def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> li
     Args:
         gain: (3,) by `torque_gain` [1].
     """
-    found = []
+    scaled_flights = []
     for e in flights:
         scaled = dc.replace(e, torque_gain=tuple(gain.tolist()))
         y = e.y.copy()
         nominal = e.nominal * scaled.shown
         y[:, WRENCH] += e.nominal - nominal
-        found.append(dc.replace(scaled, y=e.known(y), nominal=nominal))
-    return found
+        scaled_flights.append(dc.replace(scaled, y=e.known(y), nominal=nominal))
+    return scaled_flights
 
 
 def healthy_spread(
@@ -433,7 +437,7 @@ def healthy_spread(
     Args:
         changed: since flights before, which is not what a vehicle differs by from its file.
     """
-    found = dict[str, tuple[float, float]]()
+    prior_spread = dict[str, tuple[float, float]]()
     stated = [d for d in file_deviations(e.vehicle, tolerance) if d.stated]
     vehicle = [*of_vehicle(e, tolerance), *stated] if not changed else []
     # Since flights before, thrust over throttle of a described vehicle differs by its battery too.
@@ -441,14 +445,18 @@ def healthy_spread(
     for d in (*vehicle, *flight):
         if d.is_of(effect) and not d.at_value:
             for p in (p for p in effect.parameters if p.name in d.deviation):
-                _, known = found.get(p.name, (0.0, 0.0))
-                found[p.name] = d.usual(p), math.hypot(known, d.deviation[p.name])
+                _, known = prior_spread.get(p.name, (0.0, 0.0))
+                prior_spread[p.name] = d.usual(p), math.hypot(known, d.deviation[p.name])
     if (tolerance.unmeasured or changed) and isinstance(effect, MassError):
         # Thrust over throttle takes its place.
         for d in (d for d in of_battery(e) if d.effect is ThrustScale):
-            found["delta_mass"] = 0.0, d.deviation["scale"] * e.vehicle.mass
+            prior_spread["delta_mass"] = 0.0, d.deviation["scale"] * e.vehicle.mass
     # What is said of some parameters alone does not excuse the others.
-    return found if found.keys() >= {p.name for p in effect.parameters if not p.choices} else {}
+    return (
+        prior_spread
+        if prior_spread.keys() >= {p.name for p in effect.parameters if not p.choices}
+        else {}
+    )
 
 
 # half of an interval over the value, above which an exponent is hardly told [1]; own choice
@@ -464,7 +472,7 @@ def differences(
     Where the file describes the vehicle that flew: the map of its throttle alone, if that is the
     input.
     """
-    found = list[Difference]()
+    departures = list[Difference]()
     vehicle = flights[0].vehicle
     rotors = named_rotors([e.log for e in flights], vehicle)
     for k, f in enumerate(fit.free):
@@ -478,18 +486,18 @@ def differences(
         if isinstance(effect, ThrottleCurve):
             known = flights[0].log.throttle_map
             usual = known.exponent if isinstance(known, PowerMap) else hover_exponent(vehicle)
-            found.append(_throttle_map(d, p, usual, effect.curve, sigma))
+            departures.append(_throttle_map(d, p, usual, effect.curve, sigma))
         elif tolerance.unmeasured or vehicle.measured or d.stated:
-            found.append(_difference(d, p, getattr(effect, f.name) - f.neutral, sigma, rotors))
+            departures.append(_difference(d, p, getattr(effect, f.name) - f.neutral, sigma, rotors))
     if tolerance.unmeasured:
         *errors, body, _ = fit.linear
-        found += _of_parameters(body, of_vehicle(flights[0], tolerance), rotors)
+        departures += _of_parameters(body, of_vehicle(flights[0], tolerance), rotors)
         parts = {
             e.name: _of_parameters(part, of_flight(e, tolerance), rotors)
             for e, part in zip(flights, errors, strict=True)
         }
-        found += _of_flights(parts)
-    return tuple(sorted(found, key=lambda d: -d.in_deviations))
+        departures += _of_flights(parts)
+    return tuple(sorted(departures, key=lambda d: -d.in_deviations))
 
 
 def _throttle_map(
@@ -512,38 +520,38 @@ def _of_parameters(
     """Return the parameters of deviations; the lags of rotors, which each act by a share, as
     one.
     """
-    every = [
+    entries = [
         (d, next(p for p in d.effect.parameters if p.name == name))
         for d in deviations
         for name in d.deviation
     ]
-    size = np.array([d.deviation[p.name] for d, p in every])
+    size = np.array([d.deviation[p.name] for d, p in entries])
     first = slice(len(size))  # before the drift of a flight
     value = part.coefficients[first] * size
     covariance = part.covariance[first, first] * np.outer(size, size)
-    found = [
+    departures = [
         _difference(d, p, value[k], np.sqrt(covariance[k, k]), rotors)
-        for k, (d, p) in enumerate(every)
+        for k, (d, p) in enumerate(entries)
         if not d.at_value
     ]
-    if lags := [k for k, (d, _) in enumerate(every) if d.at_value]:
-        d, p = every[lags[-1]]
+    if lags := [k for k, (d, _) in enumerate(entries) if d.at_value]:
+        d, p = entries[lags[-1]]
         lag = dc.replace(d, deviation={p.name: float(np.linalg.norm(size[lags]))})
-        found.append(
+        departures.append(
             _difference(
                 lag, p, value[lags].sum(), np.sqrt(covariance[np.ix_(lags, lags)].sum()), rotors
             )
         )
-    return found
+    return departures
 
 
-def _of_flights(found: Mapping[str, Sequence[Difference]]) -> list[Difference]:
+def _of_flights(by_flight: Mapping[str, Sequence[Difference]]) -> list[Difference]:
     """Return what flights differ by, each parameter with its value in every flight and the words of
     the largest.
     """
     each: dict[str, dict[str, Difference]] = {}
-    for flight, own in found.items():
-        for d in own:
+    for flight, departures in by_flight.items():
+        for d in departures:
             each.setdefault(d.name, {})[flight] = d
     largest = [max(of, key=lambda flight: of[flight].in_deviations) for of in each.values()]
     return [

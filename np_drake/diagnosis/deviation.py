@@ -72,7 +72,7 @@ def file_deviations(vehicle: Vehicle, tolerance: Tolerance) -> list[Deviation]:
     """Return by what every vehicle may differ from its file, with the standard deviations: mass,
     thrust, what its input leaves open, and of a measured vehicle what its intervals state.
     """
-    found = [
+    deviations = [
         Deviation(ThrustScale, {"scale": tolerance.thrust}),
         Deviation(MassError, {"delta_mass": tolerance.mass * vehicle.mass}),
         Deviation(ThrottleCurve, {"curve": tolerance.throttle_curve}),
@@ -84,7 +84,7 @@ def file_deviations(vehicle: Vehicle, tolerance: Tolerance) -> list[Deviation]:
     # What is certain differs by nothing.
     known = [
         dc.replace(d, deviation={name: sd for name, sd in d.deviation.items() if sd > 0})
-        for d in found
+        for d in deviations
     ]
     return [d for d in known if d.deviation]
 
@@ -100,7 +100,7 @@ def _stated(vehicle: Vehicle) -> list[Deviation]:
     center = {axis: of("calibration.center_of_mass", i) for i, axis in enumerate("xyz")}
     gains = [of("calibration.rotor_gains", i) for i in range(4)]
     lag = {"time_constant": vehicle.rotor_time_constant}
-    found = [
+    deviations = [
         Deviation(InertiaError, dict(zip(scales, moments, strict=True))),
         Deviation(CenterOfMassOffset, center),
         *(
@@ -110,7 +110,7 @@ def _stated(vehicle: Vehicle) -> list[Deviation]:
         Deviation(MixerGain, {"yaw": of("torque_coefficient", over=vehicle.torque_coefficient)}),
         Deviation(MotorLag, {"time_constant": of("rotor_time_constant")}, about=lag),
     ]
-    return [dc.replace(d, stated=True) for d in found]
+    return [dc.replace(d, stated=True) for d in deviations]
 
 
 def columns_of(

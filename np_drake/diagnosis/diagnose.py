@@ -15,6 +15,7 @@ import dataclasses as dc
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from np_drake.diagnosis.decision.decide import (
     without_late_onsets,
     without_missing_drag,
 )
-from np_drake.diagnosis.decision.support import support_of, visible_changes
+from np_drake.diagnosis.decision.predictive_evidence import predictive_evidence, visible_changes
 from np_drake.diagnosis.decision.unexplained import (
     Indication,
     LinearModel,
@@ -41,7 +42,7 @@ from np_drake.diagnosis.decision.unexplained import (
     measure_remainder,
 )
 from np_drake.diagnosis.doctor.flight_facts import as_lines, doubts
-from np_drake.diagnosis.fitting import fit_of_some
+from np_drake.diagnosis.fitting import fit_of_subset
 from np_drake.diagnosis.gap import (
     assess_identifiability,
     excitation,
@@ -53,6 +54,7 @@ from np_drake.diagnosis.gap import (
 )
 from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gusts
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
+from np_drake.diagnosis.numerics import places
 from np_drake.diagnosis.options import SPREAD, Options, Tolerance
 from np_drake.diagnosis.regressors import tolerance_of, with_input
 from np_drake.diagnosis.regressors.generic import ELSEWHERE
@@ -92,26 +94,55 @@ PLACE = ResidualFinding("place", "a slow force tied to a place", 1.0, {}, ELSEWH
 NO_REPLAY = (
     "no replay: the held-out logs do not tell the rotors' torque, or the motion to compare with."
 )
-LEAST_HALF = 4.0  # duration of either half of a flight, below which it stays whole [s]; own choice
+LEAST_HALF = 4.0  # duration of either half of a flight, below which it is not split [s]; own choice
+
+
+class Logs(NamedTuple):
+    """Logs of one diagnosis, in the order of time, and what is said of those left out."""
+
+    before: list[FlightLog]
+    train: list[FlightLog]
+    held_out: list[FlightLog]
+    notes: tuple[str, ...]
+
+    @property
+    def fitted(self) -> list[FlightLog]:
+        """Logs to which effects are fitted."""
+        return [*self.before, *self.train]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What their readers and the battery say of them."""
+        bridged = said_of_bridged([*self.fitted, *self.held_out])
+        voltage = voltage_change(self.before, [*self.train, *self.held_out])
+        return (*bridged, *self.notes, *voltage)
+
+    @classmethod
+    def split(cls, logs: list[FlightLog], sizes: Sequence[int], notes: tuple[str, ...]) -> "Logs":
+        """Return all logs in a row as groups of these sizes."""
+        before, train, held_out = (logs[place] for place in places(sizes))
+        return cls(before, train, held_out, notes)
 
 
 @dc.dataclass(frozen=True)
 class Inference:
-    """Causes and what they leave; held: the causes on held-out flights."""
+    """Causes, the best fit on held-out flights, and structure that no effect explains."""
 
     ranking: Ranking
-    held: HeldOut
+    held_out: HeldOut
     causes: list[Cause]
     below_threshold: list[ResidualFinding]
     structures: list[Indication]
     slow: Indication
 
     @cached_property
-    def left(self) -> Remainder:
+    def remainder(self) -> Remainder:
         """What the causes leave of the held-out gap."""
-        said = [*self.structures, self.slow]
         ranking = self.ranking
-        return measure_remainder(self.causes, ranking.noise, self.held, said, ranking.options)
+        indications = [*self.structures, self.slow]
+        return measure_remainder(
+            self.causes, ranking.noise, self.held_out, indications, ranking.options
+        )
 
     @property
     def findings(self) -> tuple[ResidualFinding, ...]:
@@ -119,86 +150,100 @@ class Inference:
         return tuple(s.finding for s in (self.slow, *self.structures) if s.probability > 0.5)
 
 
-def conclude(found: Ranking, held_out: Sequence[FlightResiduals]) -> Inference:
+def conclude(searched: Ranking, judging: Sequence[FlightResiduals]) -> Inference:
     """Rank the models of a search, judge the best by held-out flights, and decide which of its
     effects are causes.
     """
-    ranking = rank_models(found)
-    held = _held_out(ranking, held_out)
+    ranking = rank_models(searched)
+    held_out = _best_on_held_out(ranking, judging)
     linear = LinearModel(ranking)
     _, structure = linear.select_structure()
-    structures, slow = find_unexplained(ranking, linear, structure, held)
+    structures, slow = find_unexplained(ranking, linear, structure, held_out)
     # The drift of an estimator that nobody measured is neither told from gusts nor from a force
     # tied to a place.
     if slow.probability > 0.5 and not ranking.options.tolerance.unmeasured:
         # Gusts do not depend on position alike in all flights.
-        every = [*ranking.problem.flights, *(e for e in held.flights if not e.joined.any())]
-        rest = residuals_of(ranking, held)
-        begins = dict.fromkeys([e.name for e in every])
-        if position_p_value(every, rest, begins) < ranking.options.thresholds.position_p_value:
+        unsplit = [flight for flight in held_out.flights if not flight.joined.any()]
+        flights = [*ranking.problem.flights, *unsplit]
+        residuals = residuals_of(ranking, held_out)
+        begins = dict.fromkeys([flight.name for flight in flights])
+        p_value = position_p_value(flights, residuals, begins)
+        if p_value < ranking.options.thresholds.position_p_value:
             slow = slow._replace(finding=PLACE)
         else:
-            blown = _in_gusts(ranking, linear, structure, held, slow.probability)
+            blown = _in_gusts(ranking, linear, structure, held_out, slow.probability)
             if blown is not None:
                 return Inference(*blown, structures, slow._replace(probability=0.0))
-    causes, minor = decide(ranking, linear.margins(structure), held)
-    return Inference(ranking, held, causes, minor, structures, slow)
+    causes, minor = decide(ranking, linear.log_odds(structure), held_out)
+    return Inference(ranking, held_out, causes, minor, structures, slow)
 
 
-def as_named(found: Inference) -> Inference:
+def as_named(inference: Inference) -> Inference:
     """Return the inference with its causes fitted as they are named: without the effects that are
     not.
 
-    What is not named gives way to calibration and the causes, which were fitted beside it. A lag or
-    delay that the logs leave open is calibration too. A cause that predicted beside what is not
-    named alone is none: each must predict given the others.
+    What is not named gives way to calibration and the causes, with which it was fitted. A lag or
+    delay that the logs leave open is calibration too. A cause that predicts only together with what
+    is not named is none: each must predict given the others.
     """
-    named = {c.identifier for c in found.causes}
-    ranking = found.ranking
-    vehicle = ranking.problem.flights[0].vehicle
+    ranking = inference.ranking
     options = ranking.options
-    effects = [t.effect for t in ranking.best.terms]
-    untold = {f.name for f in found.below_threshold if "timing" in f.figures}
-    open_ = frozenset(
-        e.identifier for e in effects if e.identifier in untold or options.within_timing(e, vehicle)
+    vehicle = ranking.problem.flights[0].vehicle
+    effects = [term.effect for term in ranking.best.terms]
+    open_timing = {f.name for f in inference.below_threshold if "timing" in f.figures}
+    calibrations = frozenset(
+        effect.identifier
+        for effect in effects
+        if effect.identifier in open_timing or options.within_timing(effect, vehicle)
     )
-    every = {e.identifier for e in effects}
-    if not named <= every or not (open_ or named < every):
-        return found  # gusts are fitted otherwise; nothing gives way
-    fit = fit_of_some(ranking.problem, ranking.best, named | open_, ranking.noise)
+    fitted = {effect.identifier for effect in effects}
+    named = {cause.identifier for cause in inference.causes}
+    if not named <= fitted or not (calibrations or named < fitted):
+        return inference  # gusts are fitted otherwise; nothing gives way
+    fit = fit_of_subset(ranking.problem, ranking.best, named | calibrations, ranking.noise)
     ranking = dc.replace(ranking, fits=(fit, *ranking.fits))
-    terms = {t.effect.identifier: i for i, t in enumerate(fit.terms)}
+    terms = {term.effect.identifier: i for i, term in enumerate(fit.terms)}
     causes = [
         dc.replace(
-            c,
-            parameters=estimates(fit, terms[c.identifier], vehicle, options),
-            effect=fit.terms[terms[c.identifier]].effect,
-            loads=load_estimates(fit, terms[c.identifier], vehicle, options),
+            cause,
+            parameters=estimates(fit, terms[cause.identifier], vehicle, options),
+            effect=fit.terms[terms[cause.identifier]].effect,
+            loads=load_estimates(fit, terms[cause.identifier], vehicle, options),
         )
-        for c in found.causes
+        for cause in inference.causes
     ]
-    held = dc.replace(_held_out(ranking, found.held.flights), calibrations=open_)
-    predicts = dict(zip(terms, support_of(ranking, held), strict=True))
+    held_out = _best_on_held_out(ranking, inference.held_out.flights)
+    held_out = dc.replace(held_out, calibrations=calibrations)
+    evidence = dict(zip(terms, predictive_evidence(ranking, held_out), strict=True))
     least = options.thresholds.cause_probability
-    silent = {n: s for n, s in predicts.items() if s.factor < least and not s.confirmed}
-    kept = [c for c in causes if c.identifier not in silent]
+    silent = {
+        name: gain.reason
+        for name, gain in evidence.items()
+        if gain.factor < least and not gain.confirmed
+    }
+    kept = [cause for cause in causes if cause.identifier not in silent]
     lost = [
-        ResidualFinding(c.identifier, silent[c.identifier].reason, c.share)
-        for c in causes
-        if c not in kept
+        ResidualFinding(cause.identifier, silent[cause.identifier], cause.share)
+        for cause in causes
+        if cause.identifier in silent
     ]
-    kept, minor = without_missing_drag(kept, [*found.below_threshold, *lost])
-    now = dc.replace(found, ranking=ranking, held=held, causes=kept, below_threshold=minor)
-    return as_named(now) if lost else now
+    kept, minor = without_missing_drag(kept, [*inference.below_threshold, *lost])
+    inference = dc.replace(
+        inference, ranking=ranking, held_out=held_out, causes=kept, below_threshold=minor
+    )
+    return as_named(inference) if lost else inference
 
 
-def _held_out(ranking: Ranking, held_out: Sequence[FlightResiduals]) -> HeldOut:
+def _best_on_held_out(ranking: Ranking, judging: Sequence[FlightResiduals]) -> HeldOut:
     """Return the best fit on held-out flights, calibrated and with their outliers marked."""
     best = ranking.best
     noise = ranking.noise
     options = ranking.options
-    own = [with_calibration(best, e, noise, options) for e in held_out]
-    marked = [mark_outliers(best.terms, e, noise, options.priors, best.calibration) for e in own]
+    calibrated = [with_calibration(best, flight, noise, options) for flight in judging]
+    marked = [
+        mark_outliers(best.terms, flight, noise, options.priors, best.calibration)
+        for flight in calibrated
+    ]
     return on_held_out(best, marked, noise, options)
 
 
@@ -206,7 +251,7 @@ def _in_gusts(
     ranking: Ranking,
     linear: LinearModel,
     structure: Sequence[int],
-    held: HeldOut,
+    held_out: HeldOut,
     probability: float,
 ) -> tuple[Ranking, HeldOut, list[Cause], list[ResidualFinding]] | None:
     """Return ranking, held-out flights and causes with gusts of this probability as the slow force;
@@ -215,18 +260,18 @@ def _in_gusts(
     if (with_one := with_drag(ranking)) is not ranking:
         ranking = with_one
         linear = LinearModel(with_one)
-    held = on_held_out(ranking.best, held.flights, ranking.noise, ranking.options)
-    causes, minor = decide(ranking, linear.margins(structure), held, gusts=True)
-    causes = with_gusts(ranking, held, causes, probability)
-    if not any(c.identifier == GustyWind.identifier for c in causes):
+    held_out = on_held_out(ranking.best, held_out.flights, ranking.noise, ranking.options)
+    causes, minor = decide(ranking, linear.log_odds(structure), held_out, gusts=True)
+    causes = with_gusts(ranking, held_out, causes, probability)
+    if not any(cause.identifier == GustyWind.identifier for cause in causes):
         return None
-    return ranking, in_gusts(held, causes), causes, minor
+    return ranking, in_gusts(held_out, causes), causes, minor
 
 
 def diagnose(
-    vehicle: Vehicle,
     train: Sequence[FlightLog],
     held_out: Sequence[FlightLog],
+    vehicle: Vehicle,
     replay: Replay | None = None,
     *,
     adaptive_split: bool = True,
@@ -241,23 +286,23 @@ def diagnose(
     them closes it.
 
     Args:
-        vehicle: the nominal vehicle. A thrust coefficient that its file calls a guess gives way to
-            the rotor speed that carries the training flights (`Diagnosis.nominal`).
         train: flights to which effects are fitted.
         held_out: flights that judge the fit.
+        vehicle: the nominal vehicle. A thrust coefficient that its file calls a guess gives way to
+            the rotor speed that carries the training flights (`Diagnosis.nominal`).
         replay: the simulator as a callable (`diagrams.gap.drake_replay.DrakeReplay`); without it,
             replay errors are left out. Where it has `of_vehicle`, it replays the vehicle of
             `Diagnosis.nominal`.
         adaptive_split: where held-out flights show what the training flights do not, give a second
-            answer beside (`Diagnosis.refit`): their first halves join its fit, and their second
+            answer as well (`Diagnosis.refit`): their first halves join its fit, and their second
             halves judge it.
         tolerance: errors of vehicle file and sensors that are not a cause: `Tolerance()` for real
-            sensors, `IDEAL_SENSORS`, or one's own; default: real where attitudes are noisy or rotor
+            sensors, `IDEAL_SENSORS`, or any other; default: real where attitudes are noisy or rotor
             speed is measured.
         options: all that steers the answer; default: `Options.for_sensors` of that tolerance.
         material: position error of a simulator after 1 s from which what is left is material [m];
             default: that of the options. A force is in proportion to it.
-        neighbours: by name of a flight, logs of vehicles that flew beside it, on clocks that agree
+        neighbours: by name of a flight, logs of vehicles that flew near it, on clocks that agree
             and in one frame: their downwash is then tried as a cause.
         before: flights of the same vehicle from before what is asked, when it was as the file says.
             They tell the vehicle, and what acts in none of them has changed since. They may lack
@@ -273,75 +318,109 @@ def diagnose(
     if tolerance is not None:
         options = Options.for_sensors(tolerance.real, tolerance)
     start = time.perf_counter()
-    tell = on_progress or (lambda share, step: None)
+    progress = on_progress or (lambda share, step: None)
 
-    # 1. Residuals of all flights on one grid, the coarsest of theirs.
+    # 1. Residuals of all flights on one grid, the coarsest of theirs. A `log` is what was flown, a
+    # `flight` its residuals.
     require_flights(train, held_out, before)
-    alike, unread = with_same_readings([*train, *held_out])
-    alike = with_neighbours([*before, *alike], neighbours or {}, vehicle.rotor_radius)
-    first = len(before)
-    second = len(before) + len(train)
-    parts = [long_enough(logs) for logs in (alike[:first], alike[first:second], alike[second:])]
-    before, train, held_out = (logs for logs, _ in parts)
-    short = [line for _, lines in parts for line in lines]
-    # The file describes the vehicle as it was before, where that is given: it carries its weight
-    # there.
-    train = [*before, *train]
-    file = vehicle
-    known = len(before) or len(train)
-    since = [*train[known:], *held_out]
-    vehicle, was, since = with_hover_thrust(
-        vehicle, *with_throttle_map(vehicle, train[:known], since, before=bool(before))
-    )
-    train, held_out = [*was, *since][: len(train)], [*was, *since][len(train) :]
-    if vehicle is not file:
-        replay = getattr(replay, "of_vehicle", lambda _: replay)(vehicle)
-    tell(0.0, "residuals")
-    step = common_step([log.t for log in [*train, *held_out]], len(train))
-    fitted, judging = (
-        [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
-        for logs in (train, held_out)
-    )
-    fitted = [dc.replace(e, earlier=k < len(before)) for k, e in enumerate(fitted)]
-    doubted = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
-    sensors = options or Options.for_sensors(tolerance_of(fitted).real)
+    logs = _usable_logs(train, held_out, before, neighbours or {}, vehicle)
+    nominal, logs = _with_known_thrust(vehicle, logs)
+    if nominal is not vehicle and replay is not None and hasattr(replay, "of_vehicle"):
+        replay = replay.of_vehicle(nominal)
+    progress(0.0, "residuals")
+    fitted, judging = _residuals(logs, nominal)
+    doubted = as_lines(doubt for flight in (*fitted, *judging) for doubt in doubts(flight))
+    options = options or Options.for_sensors(tolerance_of(fitted).real)
     if material is not None:
-        options = sensors = sensors.with_material(material)
-    if with_input(sensors, fitted).tolerance.unmeasured and all(
-        e.knows_torque for e in (*fitted, *judging)
-    ):
-        gain = torque_gain(fitted)
-        fitted = with_torque_gain(fitted, gain)
-        judging = with_torque_gain(judging, gain)
+        options = options.with_material(material)
+    fitted, judging = _with_shown_torque(fitted, judging, options)
     if not excited(excitation(fitted)):
-        return dc.replace(
-            unexcited_diagnosis(fitted, judging), doubts=doubted, wall=time.perf_counter() - start
-        )
+        answer = unexcited_diagnosis(fitted, judging)
+        return dc.replace(answer, doubts=doubted, wall=time.perf_counter() - start)
 
-    # 2. and 3. Sets of effects searched and fitted, rivals ranked, causes decided; 4. report.
-    tell(0.1, "effects")
+    # 2. and 3. Sets of effects searched and fitted, rivals ranked, causes decided.
+    progress(0.1, "effects")
     inference = conclude(find_map_model(fitted, options), judging)
     novel = novelty(inference)
-    tell(0.6, "how far")
+
+    # 4. Report.
+    progress(0.6, "how far")
     answer = _answer(inference, replay, doubted)
-    said = (*said_of_bridged([*train, *held_out]), *short, *unread)
-    said += voltage_change(train[: len(before)], [*train[len(before) :], *held_out])
-    answer = dc.replace(answer, new_on_held_out=novel, warnings=(*answer.warnings, *said))
+    answer = dc.replace(answer, new_on_held_out=novel, warnings=(*answer.warnings, *logs.warnings))
 
     # 5. Where held-out flights show more, the same again with their first halves: a second answer.
-    halves, judges = split_flights(inference.held.flights) if novel and adaptive_split else ([], [])
-    if halves:
-        tell(0.7, "what held-out flights show")
-        # A wind is a condition of a flight: where none is named, one can act in the halves alone.
-        still_air = not any(c.effect and c.effect.needs for c in inference.causes)
-        found = find_map_model(
-            [*inference.ranking.problem.flights, *halves],
-            inference.ranking.options,
-            still_air=still_air,
-        )
-        refit = _answer(conclude(found, judges), replay, doubted, halves)
-        answer = dc.replace(answer, refit=dc.replace(refit, wall=time.perf_counter() - start))
+    if novel and adaptive_split:
+        halves, judges = split_flights(inference.held_out.flights)
+        if halves:
+            progress(0.7, "what held-out flights show")
+            refit = _answer(_with_halves(inference, halves, judges), replay, doubted, halves)
+            answer = dc.replace(answer, refit=dc.replace(refit, wall=time.perf_counter() - start))
     return dc.replace(answer, wall=time.perf_counter() - start)
+
+
+def _usable_logs(
+    train: Sequence[FlightLog],
+    held_out: Sequence[FlightLog],
+    before: Sequence[FlightLog],
+    neighbours: Mapping[str, Sequence[FlightLog]],
+    vehicle: Vehicle,
+) -> Logs:
+    """Return the logs with the same readings and their neighbours, without those too short."""
+    alike, unread = with_same_readings([*train, *held_out])
+    alike = with_neighbours([*before, *alike], neighbours, vehicle.rotor_radius)
+    sizes = (len(before), len(train), len(held_out))
+    groups = [long_enough(alike[place]) for place in places(sizes)]
+    long = [log for logs, _ in groups for log in logs]
+    short = [line for _, lines in groups for line in lines]
+    return Logs.split(long, [len(logs) for logs, _ in groups], (*short, *unread))
+
+
+def _with_known_thrust(vehicle: Vehicle, logs: Logs) -> tuple[Vehicle, Logs]:
+    """Return the vehicle and the logs with the thrust that the first flights show: the file
+    describes the vehicle as it was before, where such flights are given.
+    """
+    known = logs.before or logs.train
+    since = [*logs.train, *logs.held_out] if logs.before else logs.held_out
+    mapped = with_throttle_map(vehicle, known, since, before=bool(logs.before))
+    vehicle, known, since = with_hover_thrust(vehicle, *mapped)
+    sizes = (len(logs.before), len(logs.train), len(logs.held_out))
+    return vehicle, Logs.split([*known, *since], sizes, logs.notes)
+
+
+def _residuals(logs: Logs, vehicle: Vehicle) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
+    """Return the flights that are fitted, those from before marked, and those that judge."""
+    step = common_step([log.t for log in (*logs.fitted, *logs.held_out)], len(logs.fitted))
+
+    def flight_of(log: FlightLog) -> FlightResiduals:
+        return with_fixed_effects(make_flight_residuals(log, vehicle, step))
+
+    before = [dc.replace(flight_of(log), earlier=True) for log in logs.before]
+    fitted = [*before, *map(flight_of, logs.train)]
+    return fitted, [flight_of(log) for log in logs.held_out]
+
+
+def _with_shown_torque(
+    fitted: list[FlightResiduals], judging: list[FlightResiduals], options: Options
+) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
+    """Return the flights with the share of torque that the motion of an unmeasured vehicle shows,
+    where all logs tell torque.
+    """
+    knows_torque = all(flight.knows_torque for flight in (*fitted, *judging))
+    if not (with_input(options, fitted).tolerance.unmeasured and knows_torque):
+        return fitted, judging
+    gain = torque_gain(fitted)
+    return with_torque_gain(fitted, gain), with_torque_gain(judging, gain)
+
+
+def _with_halves(
+    inference: Inference, halves: Sequence[FlightResiduals], judges: Sequence[FlightResiduals]
+) -> Inference:
+    """Return the inference again, with the first halves of held-out flights in its fit."""
+    ranking = inference.ranking
+    # A wind is a condition of a flight: where none is named, one can act in the halves alone.
+    still_air = not any(cause.effect and cause.effect.needs for cause in inference.causes)
+    flights = [*ranking.problem.flights, *halves]
+    return conclude(find_map_model(flights, ranking.options, still_air=still_air), judges)
 
 
 def voltage_change(before: Sequence[FlightLog], since: Sequence[FlightLog]) -> tuple[str, ...]:
@@ -357,20 +436,21 @@ def voltage_change(before: Sequence[FlightLog], since: Sequence[FlightLog]) -> t
     )
 
 
-def novelty(found: Inference) -> tuple[ResidualFinding, ...]:
+def novelty(inference: Inference) -> tuple[ResidualFinding, ...]:
     """Return whether held-out flights show what training flights do not, as a sentence or none.
 
     Gusts, which repeat nowhere, and a payload, whose swing may be lost, do not count.
     """
-    ranking = found.ranking
-    if any(c.identifier == GustyWind.identifier for c in found.causes) or any(
-        t.effect.has_hidden_state for t in ranking.best.terms
+    ranking = inference.ranking
+    held_out = inference.held_out
+    if any(cause.identifier == GustyWind.identifier for cause in inference.causes) or any(
+        term.effect.has_hidden_state for term in ranking.best.terms
     ):
         return ()
-    rest = np.concatenate(
-        [found.held.residual[name][own, WRENCH] for name, own in found.held.rows.items()]
+    residual = np.concatenate(
+        [held_out.residual[name][rows, WRENCH] for name, rows in held_out.rows.items()]
     )
-    ratios = np.sqrt(np.mean(rest**2, axis=0)) / np.maximum(ranking.noise.rms[WRENCH], 1e-12)
+    ratios = np.sqrt(np.mean(residual**2, axis=0)) / np.maximum(ranking.noise.rms[WRENCH], 1e-12)
     channel = int(np.argmax(ratios))
     ratio = float(ratios[channel])
     if ratio <= ranking.options.thresholds.misfit_ratio:
@@ -384,29 +464,26 @@ def novelty(found: Inference) -> tuple[ResidualFinding, ...]:
 def split_flights(
     flights: Sequence[FlightResiduals],
 ) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
-    """Return the first halves of flights as flights of their own, and all flights with these rows
-    marked as joined.
-    """
+    """Return the first halves of flights, and all flights with these rows marked as joined."""
     halves = []
     judges = []
-    for e in flights:
-        log = e.log
+    for flight in flights:
+        log = flight.log
         middle = 0.5 * (log.t[0] + log.t[-1])
         if middle - log.t[0] < LEAST_HALF:
-            judges.append(e)
+            judges.append(flight)
             continue
-        half = dc.replace(
-            log.rows(0, int(np.searchsorted(log.t, middle))), name=f"first half of {e.name}"
-        )
-        own = with_fixed_effects(make_flight_residuals(half, e.vehicle, e.grid.step))
-        (own,) = with_torque_gain([own], np.array(e.torque_gain))
-        halves.append(dc.replace(own, goes_on=True))
-        judges.append(dc.replace(e, joined=e.t <= middle))
+        rows = int(np.searchsorted(log.t, middle))
+        first = dc.replace(log.rows(0, rows), name=f"first half of {flight.name}")
+        half = with_fixed_effects(make_flight_residuals(first, flight.vehicle, flight.grid.step))
+        (half,) = with_torque_gain([half], np.array(flight.torque_gain))
+        halves.append(dc.replace(half, goes_on=True))
+        judges.append(dc.replace(flight, joined=flight.t <= middle))
     return halves, judges
 
 
 def _answer(
-    found: Inference,
+    inference: Inference,
     replay: Replay | None,
     doubted: tuple[str, ...],
     halves: Sequence[FlightResiduals] = (),
@@ -414,68 +491,71 @@ def _answer(
     """Return the diagnosis of an inference: its causes, what these logs cannot tell, where the gap
     lies, how far; halves: of held-out flights, which joined the fit.
     """
-    found = as_named(found)
-    flights = found.ranking.problem.flights
-    held = found.held
-    options = found.ranking.options
-    best = found.ranking.best
-    noise = found.ranking.noise
-    judging = held.flights
-    causes, late = without_late_onsets(
-        found.causes, {e.name: float(e.log.t[-1]) for e in (*flights, *judging)}
-    )
-    causes = with_held_out_gains(causes, noise, held)
-    left = dc.replace(found, causes=causes).left
+    inference = as_named(inference)
+    ranking = inference.ranking
+    flights = ranking.problem.flights
+    held_out = inference.held_out
+    judging = held_out.flights
+    vehicle = flights[0].vehicle
+    options = ranking.options
+    best = ranking.best
+    noise = ranking.noise
+    ends = {flight.name: float(flight.log.t[-1]) for flight in (*flights, *judging)}
+    causes, late = without_late_onsets(inference.causes, ends)
+    causes = with_held_out_gains(causes, noise, held_out)
+    remainder = dc.replace(inference, causes=causes).remainder
     checked = assess_identifiability(flights, judging, noise)
-    rest = held.left({c.identifier for c in causes})
-    flyable = all(e.knows_torque and not e.log.lacks for e in judging)
+    residual = held_out.remaining_residuals({cause.identifier for cause in causes})
+    flyable = all(flight.knows_torque and not flight.log.lacks for flight in judging)
     reduction = measure_gap_reduction(
         causes,
         noise,
-        held,
-        left,
+        held_out,
+        remainder,
         replay if flyable else None,
         calibration_effects(best, flights[0], options.tolerance),
     )
-    before = tuple(e.name for e in flights if e.earlier)
-    own = {e.name for e in halves} | {*before}
+    before = tuple(flight.name for flight in flights if flight.earlier)
+    not_asked = {*before, *(half.name for half in halves)}
     posterior = joint_posterior(best, causes)
-    visible = visible_changes(found.ranking) if before else {}
+    visible = visible_changes(ranking) if before else {}
     if before and not flights[0].knows_torque:
-        told = compare_balance(
-            [e.log for e in flights if e.earlier],
-            [e.log for e in (*flights, *judging) if e.name not in own],
-            flights[0].vehicle,
+        balance = compare_balance(
+            [flight.log for flight in flights if flight.earlier],
+            [flight.log for flight in (*flights, *judging) if flight.name not in not_asked],
+            vehicle,
             options,
         )
-        causes = [*causes, *told.causes]
-        late = [*late, *told.findings]
-        visible |= told.visible
+        causes = [*causes, *balance.causes]
+        late = [*late, *balance.findings]
+        visible |= balance.visible
     answer = Diagnosis(
-        vehicle=flights[0].vehicle.name,
-        nominal=flights[0].vehicle,
-        rotors=tuple(named_rotors([e.log for e in (*flights, *judging)], flights[0].vehicle)),
-        train=tuple(e.name for e in flights if e.name not in own),
-        held_out=tuple(e.name for e in judging),
-        joined=tuple(e.name for e in judging if e.joined.any()),
+        vehicle=vehicle.name,
+        nominal=vehicle,
+        rotors=tuple(named_rotors([flight.log for flight in (*flights, *judging)], vehicle)),
+        train=tuple(flight.name for flight in flights if flight.name not in not_asked),
+        held_out=tuple(flight.name for flight in judging),
+        joined=tuple(flight.name for flight in judging if flight.joined.any()),
         doubts=doubted,
         judged_as="rig" if options.tolerance.real else "laboratory",
         before=before,
         visible=visible,
-        verdict=tuple(c.identifier for c in causes if c.changed or not before)
-        + ((UNKNOWN,) if left.matters else ()),
+        verdict=tuple(cause.identifier for cause in causes if cause.changed or not before)
+        + ((UNKNOWN,) if remainder.matters else ()),
         causes=tuple(
-            dc.replace(c, onset={name: t for name, t in c.onset.items() if name not in own})
-            for c in causes
+            dc.replace(
+                cause, onset={name: t for name, t in cause.onset.items() if name not in not_asked}
+            )
+            for cause in causes
         ),
         calibration=differences(best, flights, options.tolerance),
         identifiability=checked,
-        localisation=localise(judging, rest, noise, held.rows),
+        localisation=localise(judging, residual, noise, held_out.rows),
         gap_reduction=reduction,
         posterior=posterior,
-        below_threshold=(*found.below_threshold, *late),
-        unexplained=found.findings,
-        unknown_probability=left.probability,
+        below_threshold=(*inference.below_threshold, *late),
+        unexplained=inference.findings,
+        unknown_probability=remainder.probability,
         warnings=(
             *checked.warnings,
             *reduction.warnings,

@@ -65,32 +65,32 @@ def free_parameters(
         known: by position, what the file allows for of calibration terms, in place of typical
             sizes.
     """
-    found = []
+    free = []
     for i, term in enumerate(terms):
         vehicle = flights[0].vehicle
         width = _width(term, vehicle) if term.effect.widens else 1.0
-        own = known.get(i)
+        deviation = known.get(i)
         for p in term.effect.parameters:
-            if own is not None and p.name in own.deviation:
-                scale = own.deviation[p.name]
-                middle = own.usual(p)
+            if deviation is not None and p.name in deviation.deviation:
+                scale = deviation.deviation[p.name]
+                middle = deviation.usual(p)
                 upper = max(p.upper, middle + WIDE * scale)
-                found.append(Free(i, p.name, scale, middle, p.lower, upper))
-            elif own is None and not p.choices:
+                free.append(Free(i, p.name, scale, middle, p.lower, upper))
+            elif deviation is None and not p.choices:
                 scale = width * usual_size(p, vehicle)
-                found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
+                free.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
         scale = width * usual_size(MASS, vehicle)
         upper = MASS.upper
         for k in np.flatnonzero(term.loads).tolist():
-            found.append(Free(i, LOADS, scale, 0.0, 0.0, upper, entry=k))
+            free.append(Free(i, LOADS, scale, 0.0, 0.0, upper, entry=k))
         for e in flights if term.effect.has_hidden_state else ():
             if term.begins(e.name) != NEVER:
                 scales = priors.swing * np.array([1, 1, 3, 3])  # of angles, and of rates
-                found += [
+                free += [
                     Free(i, "swing", scales[k % STATE], 0.0, -4.0, 4.0, e.name, k)
                     for k in range(hidden_size(e, term.begins(e.name)))
                 ]
-    return found
+    return free
 
 
 def prior_whitening(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
@@ -102,9 +102,9 @@ def prior_whitening(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
     """
     W = np.eye(len(free))
     for i, term in enumerate(terms):
-        own = [k for k, f in enumerate(free) if f.term == i and not f.flight]
-        if term.effect.prior_correlation and own:
-            W[np.ix_(own, own)] = np.linalg.inv(correlation_root(type(term.effect)))
+        indices = [k for k, f in enumerate(free) if f.term == i and not f.flight]
+        if term.effect.prior_correlation and indices:
+            W[np.ix_(indices, indices)] = np.linalg.inv(correlation_root(type(term.effect)))
     return W
 
 
@@ -426,8 +426,13 @@ def impossible(fit: Fit, i: int, vehicle: Vehicle, height: float) -> str:
     if at_its_bound(effect):
         return "a figure at its bound is none"
     tried = [np.linspace(*interval(fit, i, p.name), STEPS).tolist() for p in effect.parameters]
-    figures = (dict(zip(effect.values, some, strict=True)) for some in product(*tried))
-    possible = (effect.of({**effect.values, **some}).possible(vehicle, height) for some in figures)
+    figures = (
+        dict(zip(effect.values, combination, strict=True)) for combination in product(*tried)
+    )
+    possible = (
+        effect.of({**effect.values, **combination}).possible(vehicle, height)
+        for combination in figures
+    )
     return "" if any(possible) else "no vehicle can have such figures"
 
 
@@ -476,13 +481,13 @@ def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
         [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights],
         flights[0].grid.step,
     )
-    found = {
+    fitted_terms = {
         e.name: fitted_to_whole_flight(terms, e, same_scale, problem.options.priors)
         for e in flights
     }
     swung = [
         dc.replace(
-            t, hidden={n: now[i].hidden[n] for n, now in found.items() if n in now[i].hidden}
+            t, hidden={n: now[i].hidden[n] for n, now in fitted_terms.items() if n in now[i].hidden}
         )
         for i, t in enumerate(terms)
     ]
@@ -503,13 +508,13 @@ def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseMode
     return fit
 
 
-def fit_of_some(
+def fit_of_subset(
     problem: RegressionProblem, fit: Fit, names: Collection[str], noise: NoiseModel
 ) -> Fit:
     """Return the fit of some effects of another fit alone, with the calibration that suits them."""
     kept = [i for i, t in enumerate(fit.terms) if t.effect.identifier in names]
-    found = _descend(problem, Model((), 0.0), [fit.terms[i] for i in kept], noise, ITERATIONS)
-    return dc.replace(found, onset_prior=sum(fit.onset_prior_of(i) for i in kept))
+    refitted = _descend(problem, Model((), 0.0), [fit.terms[i] for i in kept], noise, ITERATIONS)
+    return dc.replace(refitted, onset_prior=sum(fit.onset_prior_of(i) for i in kept))
 
 
 def _descend(
@@ -545,13 +550,13 @@ def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
     first = sum(c.size for c in problem.nuisance)
     chosen = [problem.candidates[i] for i in model.members]
     parts = list(zip(chosen, places((c.size for c in chosen), first), strict=True))
-    for candidate, own in parts:
+    for candidate, columns in parts:
         if candidate.physical is None:
             continue
-        coefficients, _ = candidate.physical(mean[own], covariance[own, own])
+        coefficients, _ = candidate.physical(mean[columns], covariance[columns, columns])
         # Conditioning of a Gaussian: fixing some coefficients moves the others by their covariance
         # with them.
-        mean = mean + covariance[:, own] @ np.linalg.solve(
-            covariance[own, own], coefficients - mean[own]
+        mean = mean + covariance[:, columns] @ np.linalg.solve(
+            covariance[columns, columns], coefficients - mean[columns]
         )
-    return [term for candidate, own in parts for term in candidate.terms(mean[own])]
+    return [term for candidate, columns in parts for term in candidate.terms(mean[columns])]

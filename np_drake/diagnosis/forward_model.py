@@ -73,8 +73,11 @@ class Term:
 
 def with_dependants(terms: Sequence[Term], i: int) -> set[int]:
     """Return term i and the terms that act through it alone, as a wind through a drag."""
-    left = {t.effect.identifier for k, t in enumerate(terms) if k != i}
-    return {i, *(k for k, t in enumerate(terms) if t.effect.needs and not left & {*t.effect.needs})}
+    others = {t.effect.identifier for k, t in enumerate(terms) if k != i}
+    return {
+        i,
+        *(k for k, t in enumerate(terms) if t.effect.needs and not others & {*t.effect.needs}),
+    }
 
 
 def pendulum_error(
@@ -99,16 +102,16 @@ def pendulum_error(
     """
     kind = name.split("_")[0]
     value = float(getattr(payload, name))
-    own = priors.pendulum * PENDULUM[kind]
+    sigma = priors.pendulum * PENDULUM[kind]
     if kind in ("hook", "damping"):
-        return 1.0, own
+        return 1.0, sigma
     pushed = hover_induced_velocity(vehicle) / vehicle.gravity
     share = payload.damping * pushed
     if unsure is None:
-        return 1.0, abs(value) * float(np.hypot(own, share))
+        return 1.0, abs(value) * float(np.hypot(sigma, share))
     factor = 1.0 / (1.0 + share) if kind == "mass" else 1.0 + share
     spread = np.hypot(share / np.sqrt(3.0), pushed * unsure)
-    return factor, abs(value) * float(np.hypot(own, spread))
+    return factor, abs(value) * float(np.hypot(sigma, spread))
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
@@ -166,8 +169,8 @@ def _at_hooks(motion: np.ndarray, hooks: np.ndarray) -> np.ndarray:
     motion: (n-1, 3, 4) of Bo and of its levers, `FlightResiduals.driving` [m/s², 1/s²] or `moving`
     [m/s, 1/s].
     """
-    own = hooks[:1] if np.all(hooks == hooks[0]) else hooks
-    return motion[:, None, :, 0] + np.swapaxes(motion[..., 1:] @ own.T, 1, 2)
+    distinct = hooks[:1] if np.all(hooks == hooks[0]) else hooks
+    return motion[:, None, :, 0] + np.swapaxes(motion[..., 1:] @ distinct.T, 1, 2)
 
 
 def _start_of_swing(
@@ -227,8 +230,8 @@ def specific_pull(
     at_grid = np.concatenate([middle[:1], 0.5 * (middle[1:] + middle[:-1]), middle[-1:]])
     if onset is None:
         return at_grid @ flight.R_WB
-    held = np.concatenate([np.repeat(at_grid[:1], first, axis=0), at_grid])
-    return flight.begun(onset)[:, None, FORCE] * (held @ flight.R_WB)
+    full = np.concatenate([np.repeat(at_grid[:1], first, axis=0), at_grid])
+    return flight.begun(onset)[:, None, FORCE] * (full @ flight.R_WB)
 
 
 def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
@@ -444,8 +447,8 @@ def predicted_residual(
     """
     stages = {} if stages is None else stages
     fixed = [Term(effect) for effect in flight.fixed]
-    left = _left_by(flight, [*fixed, *terms], stages)
-    return left - _once(stages, (), _left_by, flight, fixed, stages) if fixed else left
+    residual = _left_by(flight, [*fixed, *terms], stages)
+    return residual - _once(stages, (), _left_by, flight, fixed, stages) if fixed else residual
 
 
 def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: Stages) -> np.ndarray:
@@ -617,10 +620,10 @@ def _wrench(
 ) -> np.ndarray:
     """Return the wrench (m, 6) of one effect in B on the grid [N, N·m]."""
 
-    beside = effect.near(flight.log.neighbours)
+    acting = effect.near(flight.log.neighbours)
 
     def at(motion: Motion) -> np.ndarray:
-        return beside.wrench(flight.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
+        return acting.wrench(flight.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
 
     out = np.zeros((len(flight.t), 6))
     if effect.pushes:

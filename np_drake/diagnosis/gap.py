@@ -83,8 +83,8 @@ def quantities(flight: FlightResiduals) -> dict[str, np.ndarray]:
     mids = flight.mids
     tilt = np.degrees(np.arccos(np.clip(attitude.body_z(mids.q)[:, 2], -1, 1)))
     speed, rate = (np.linalg.norm(mids.x[:, part], axis=1) for part in (V, W))
-    told = [name not in flight.log.lacks for name in ("velocity", "height", "attitude")] + [True]
-    on = flight.from_mids(np.stack([speed, mids.x[:, 2], tilt, rate], axis=1)) * told
+    logged = [name not in flight.log.lacks for name in ("velocity", "height", "attitude")] + [True]
+    on = flight.from_mids(np.stack([speed, mids.x[:, 2], tilt, rate], axis=1)) * logged
     return {
         "speed [m/s]": on[:, 0],
         "thrust [N]": flight.nominal[:, 2],
@@ -111,12 +111,12 @@ def _regimes(
         bins = np.clip(np.digitize(value, edges) - 1, 0, len(edges) - 2)
         name, _, unit = key.removesuffix("]").partition(" [")
         for i in np.unique(bins):
-            some = bins == i
+            inside = bins == i
             bounds = (float(edges[i]), float(edges[i + 1]))
             rms = [
-                np.sqrt(np.mean(part[some] ** 2, axis=0)).tolist() for part in (before, residual)
+                np.sqrt(np.mean(part[inside] ** 2, axis=0)).tolist() for part in (before, residual)
             ]
-            out.append(Regime(name, unit, *bounds, int(some.sum()), *map(tuple, rms)))
+            out.append(Regime(name, unit, *bounds, int(inside.sum()), *map(tuple, rms)))
     return tuple(out)
 
 
@@ -405,8 +405,8 @@ LEAST_REPLAYED = 3.0
 def measure_gap_reduction(
     causes: Sequence[Cause],
     noise: NoiseModel,
-    held: HeldOut,
-    left: Remainder,
+    held_out: HeldOut,
+    remainder: Remainder,
     replay: Replay | None,
     calibration: Sequence[Effect] = (),
 ) -> GapReduction:
@@ -414,14 +414,14 @@ def measure_gap_reduction(
 
     calibration: effects of the vehicle's calibration, which the corrected simulator has as well.
     """
-    flights = held.flights
+    flights = held_out.flights
     warnings = [
         f"{e.name}: too short to judge a payload by rows to which its swing was not fitted."
         for e in flights
-        if scored_on_fitted_rows(held.terms[e.name], e)
+        if scored_on_fitted_rows(held_out.terms[e.name], e)
     ]
-    before = pooled([e.against_file[held.rows[e.name]] for e in flights], noise)
-    after = remaining_residual(causes, noise, held)
+    before = pooled([e.against_file[held_out.rows[e.name]] for e in flights], noise)
+    after = remaining_residual(causes, noise, held_out)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     if replay is not None:
         effects = []
@@ -431,7 +431,9 @@ def measure_gap_reduction(
                 continue
             onset = dict[str, float | None]()  # from the first row of the log on [s]
             for e in flights:
-                kept = (t for t in held.kept(e.name, named) if t.effect.identifier == c.identifier)
+                kept = (
+                    t for t in held_out.kept(e.name, named) if t.effect.identifier == c.identifier
+                )
                 begin = next((t.begins(e.name) for t in kept), None)
                 onset[e.name] = None if begin is None else begin - float(e.log.t[0])
             effects.append((c.effect.predicted, onset))
@@ -445,22 +447,24 @@ def measure_gap_reduction(
             replays = replays[0], replay(logs, effects) if effects else None
         except ValueError as error:  # the simulator rejects their parameters
             warnings.append(f"no replay with the effects: {' '.join(str(error).split())}")
-    return GapReduction(before, after, left, *replays, tuple(warnings))
+    return GapReduction(before, after, remainder, *replays, tuple(warnings))
 
 
-def with_held_out_gains(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> list[Cause]:
+def with_held_out_gains(
+    causes: Sequence[Cause], noise: NoiseModel, held_out: HeldOut
+) -> list[Cause]:
     """Return the causes with the share of the held-out gap above the noise that comes back without
     each [1]; NaN where there is no gap.
     """
-    nominal = pooled([e.against_file[held.rows[e.name]] for e in held.flights], noise)
-    every = remaining_residual(causes, noise, held)
+    nominal = pooled([e.against_file[held_out.rows[e.name]] for e in held_out.flights], noise)
+    with_all = remaining_residual(causes, noise, held_out)
     gap = nominal**2 - 1.0
-    found = []
+    scored = []
     for one in causes:
-        rest = remaining_residual([c for c in causes if c is not one], noise, held)
-        gain = (rest**2 - every**2) / gap if gap > LEAST_GAP else np.nan
-        found.append(dc.replace(one, held_out_gain=gain))
-    return found
+        rest = remaining_residual([c for c in causes if c is not one], noise, held_out)
+        gain = (rest**2 - with_all**2) / gap if gap > LEAST_GAP else np.nan
+        scored.append(dc.replace(one, held_out_gain=gain))
+    return scored
 
 
 def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightLog:

@@ -119,10 +119,10 @@ def whitened(
         )
         for s in pieces
     ]
-    whole = np.concatenate(both)
+    stacked = np.concatenate(both)
     return (
-        whole[:, :-1],
-        whole[:, -1],
+        stacked[:, :-1],
+        stacked[:, -1],
         sum(2 * np.log(np.diag(factors[len(s)])).sum() for s in pieces),
     )
 
@@ -260,7 +260,7 @@ def wind_onset(
 def onsets_of(
     flights: Sequence[FlightResiduals],
     held_out: Sequence[FlightResiduals],
-    left: tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]],
+    residuals: tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]],
     known: Begins,
     wind: WindForce,
     options: Options,
@@ -269,10 +269,10 @@ def onsets_of(
 
     Args:
         held_out: held-out flights: what acts throughout the others hardly begins late in these.
-        left: by flight, (m, 15) what is left of it under the wind and before.
+        residuals: by flight, (m, 15) what is left of it under the wind and before.
         known: by flight, known onsets [s]; None: from the start.
     """
-    windy, still = left
+    windy, still = residuals
     before = {
         e.name: still_air_loss(e, still[e.name], wind, options) for e in (*flights, *held_out)
     }
@@ -280,10 +280,10 @@ def onsets_of(
     def sought(e: FlightResiduals, begin: float | None, gain: float) -> Begin:
         return wind_onset(e, windy[e.name], begin, wind, before[e.name], gain)
 
-    found = {e.name: sought(e, known.get(e.name), options.priors.onset_gain) for e in flights}
-    late = any(at is not None for at, _ in found.values())
+    onsets = {e.name: sought(e, known.get(e.name), options.priors.onset_gain) for e in flights}
+    late = any(at is not None for at, _ in onsets.values())
     gain = options.priors.onset_gain if late else options.priors.new_onset_gain
-    return found | {e.name: sought(e, known.get(e.name) if late else None, gain) for e in held_out}
+    return onsets | {e.name: sought(e, known.get(e.name) if late else None, gain) for e in held_out}
 
 
 def still_air_loss(
@@ -373,16 +373,16 @@ def as_gusts(
     onset, begun = _onsets(flights, held_out, through_drag, drag, known, options)
     drag = dc.replace(drag, onset=dict(begun))
     # A wind acts through a drag that is physical, and not negligible.
-    own = drag.effect
+    drag_effect = drag.effect
     if (
-        not isinstance(own, LinearDrag)
-        or 0.5 * (own.d_x + own.d_y) <= WEAKEST
-        or not all(p.lower <= own.values[p.name] <= p.upper for p in own.parameters)
+        not isinstance(drag_effect, LinearDrag)
+        or 0.5 * (drag_effect.d_x + drag_effect.d_y) <= WEAKEST
+        or not all(p.lower <= drag_effect.values[p.name] <= p.upper for p in drag_effect.parameters)
     ):
         return causes
     force = wind_force(
         flights,
-        {e.name: _without_drag(through_drag[e.name], e, own, begun) for e in flights},
+        {e.name: _without_drag(through_drag[e.name], e, drag_effect, begun) for e in flights},
         onset,
     )
     # Stronger than winds are, even through the largest drag of the interval, they are none.
@@ -436,9 +436,9 @@ def _statistics(
     for i, p in enumerate(GustyWind.parameters[:3]):
         half = float(np.hypot(force.mean[i, 1], off[i])) / abs(d[i])
         usual = UPWARD if p.name == "mean_z" else p.typical
-        told = usual**2 / (usual**2 + (half / SURE) ** 2)
-        value = told * force.mean[i, 0] / d[i]
-        half = float(np.hypot(np.sqrt(told) * half, known * value))
+        shrinkage = usual**2 / (usual**2 + (half / SURE) ** 2)
+        value = shrinkage * force.mean[i, 0] / d[i]
+        half = float(np.hypot(np.sqrt(shrinkage) * half, known * value))
         out[p.name] = Estimate(float(value), "m/s", (float(value) - half, float(value) + half))
     value, lower, upper = force.deviation
     wider = [float(np.exp(np.hypot(np.log(end / value), known))) for end in (lower, upper)]
@@ -473,8 +473,8 @@ def _onsets(
         2 * options.priors.onset_gain * any(drag.onset.get(e.name) is not None for e in flights)
     )
     for _ in range(ROUNDS):
-        left = {e.name: _without_drag(through_drag[e.name], e, effect, acts) for e in flights}
-        wind = wind_force(flights, left, known)
+        residuals = {e.name: _without_drag(through_drag[e.name], e, effect, acts) for e in flights}
+        wind = wind_force(flights, residuals, known)
         apart, together = (
             onsets_of(flights, held_out, (windy, still), known, wind, options)
             for still in (windy, through_drag)
@@ -503,12 +503,12 @@ def with_drag(ranking: Ranking) -> Ranking:
         i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset
     ]
     # The slow force that is left may begin in flight: its own power pays for instants.
-    left = {e.name: ranking.best.residual(e) for e in problem.flights}
+    residual = {e.name: ranking.best.residual(e) for e in problem.flights}
     begins: Begins = {}
     for _ in range(ROUNDS):
-        wind = wind_force(problem.flights, left, begins)
-        found = onsets_of(problem.flights, [], (left, left), begins, wind, ranking.options)
-        begins = {name: at for name, (at, _) in found.items()}
+        wind = wind_force(problem.flights, residual, begins)
+        onsets = onsets_of(problem.flights, [], (residual, residual), begins, wind, ranking.options)
+        begins = {name: at for name, (at, _) in onsets.items()}
     onset: Onset = {name: begin for name, begin in begins.items() if begin is not None}
     if onset:
         late = [switched(problem.candidates[i], problem.flights, onset) for i in drags]
@@ -531,27 +531,29 @@ def with_drag(ranking: Ranking) -> Ranking:
     )
 
 
-def residuals_of(ranking: Ranking, held: HeldOut) -> dict[str, np.ndarray]:
+def residuals_of(ranking: Ranking, held_out: HeldOut) -> dict[str, np.ndarray]:
     """Return by flight the residual (m, 15) of the best model [N, N·m, …]."""
     rest = {e.name: ranking.best.residual(e) for e in ranking.problem.flights}
-    return rest | {e.name: held.swing_free_residual(e) for e in held.flights}
+    return rest | {e.name: held_out.swing_free_residual(e) for e in held_out.flights}
 
 
 def with_gusts(
-    ranking: Ranking, held: HeldOut, causes: list[Cause], probability: float
+    ranking: Ranking, held_out: HeldOut, causes: list[Cause], probability: float
 ) -> list[Cause]:
     """Return the causes with gusts among them, where a drag was found through which they act."""
     flights = ranking.problem.flights
-    through_drag = residuals_of(ranking, held)
-    for e in (*flights, *held.flights):
+    through_drag = residuals_of(ranking, held_out)
+    for e in (*flights, *held_out.flights):
         terms = [
-            t for t in held.terms.get(e.name, ranking.best.terms) if t.effect.identifier in GUSTY
+            t
+            for t in held_out.terms.get(e.name, ranking.best.terms)
+            if t.effect.identifier in GUSTY
         ]
         through_drag[e.name] = through_drag[e.name] + predicted_residual(e, terms)
-    return as_gusts(flights, through_drag, causes, probability, ranking.options, held.flights)
+    return as_gusts(flights, through_drag, causes, probability, ranking.options, held_out.flights)
 
 
-def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
+def in_gusts(held_out: HeldOut, causes: Sequence[Cause]) -> HeldOut:
     """Return the held-out flights with the mean of the gusts in the place of a steady wind.
 
     causes: the gusts and the drag through which they act among them, each from when on it acts.
@@ -561,11 +563,11 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
     drag = by_name[DRAG]
     assert gusts.effect is not None
     assert drag.effect is not None
-    terms = dict(held.terms)
-    residual = dict(held.residual)
-    for e in held.flights:
-        kept = held.terms[e.name][: held.effects]
-        given = held.terms[e.name][held.effects :]
+    terms = dict(held_out.terms)
+    residual = dict(held_out.residual)
+    for e in held_out.flights:
+        kept = held_out.terms[e.name][: held_out.effects]
+        given = held_out.terms[e.name][held_out.effects :]
         rest = [t for t in kept if t.effect.identifier not in GUSTY]
         terms[e.name] = [
             *rest,
@@ -574,4 +576,4 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
             *given,
         ]
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
-    return dc.replace(held, terms=terms, residual=residual, effects=len(rest) + 2)
+    return dc.replace(held_out, terms=terms, residual=residual, effects=len(rest) + 2)

@@ -91,14 +91,14 @@ def mark_outliers(
     flight = dc.replace(flight, y=flight.y - predicted_residual(flight, calibration))
     for _ in range(MOST_JUMPS if any(t.effect.has_hidden_state for t in terms) else 0):
         # Where a swing is lost it misses ever more.
-        found = _outliers(terms, flight, noise, priors, most=1.0)
+        outliers = _outliers(terms, flight, noise, priors, most=1.0)
         if flight.outliers.any():
-            found &= flight.t > flight.t[np.flatnonzero(flight.outliers)[-1]] + OUTLIERS_APART
-        if not found.any():
+            outliers &= flight.t > flight.t[np.flatnonzero(flight.outliers)[-1]] + OUTLIERS_APART
+        if not outliers.any():
             return dc.replace(marked, outliers=flight.outliers)
-        start = int(np.argmax(found))
-        first = np.zeros_like(found)
-        first[start : start + int(np.argmin(np.append(found[start:], False)))] = True
+        start = int(np.argmax(outliers))
+        first = np.zeros_like(outliers)
+        first[start : start + int(np.argmin(np.append(outliers[start:], False)))] = True
         flight = dc.replace(flight, outliers=flight.outliers | first)
     return dc.replace(marked, outliers=flight.outliers | _outliers(terms, flight, noise, priors))
 
@@ -285,7 +285,7 @@ class HeldOut:
             if i >= self.effects or term.effect.identifier in {*identifiers, *self.calibrations}
         ]
 
-    def left(self, identifiers: Collection[str]) -> dict[str, np.ndarray]:
+    def remaining_residuals(self, identifiers: Collection[str]) -> dict[str, np.ndarray]:
         """Return by flight what some effects and the calibration leave (m, 15)."""
         return {
             e.name: e.y - predicted_residual(e, self.kept(e.name, identifiers))
@@ -313,7 +313,7 @@ def on_held_out(
     terms = {}
     residual = {}
     rows = {}
-    whole = {}
+    full_flight = {}
     priors = options.priors
     unmeasured = options.tolerance.unmeasured
     for e in flights:
@@ -322,8 +322,8 @@ def on_held_out(
         for i, term in enumerate(known):
             begin = term.begins(e.name)
             spans = [
-                SwingFit(known, i, e, noise, begin, own, priors)
-                for own in hidden_state_rows(term, e)
+                SwingFit(known, i, e, noise, begin, fitted_rows, priors)
+                for fitted_rows in hidden_state_rows(term, e)
             ]
             if spans:
                 swings = spans[0].known + sum(
@@ -333,8 +333,8 @@ def on_held_out(
                 terms[e.name][i] = dc.replace(term, hidden={e.name: swings})
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
         rows[e.name] = scored_rows(terms[e.name], e)
-        whole[e.name] = fitted_to_whole_flight(known, e, noise, priors)
-    return HeldOut(flights, terms, residual, rows, whole, len(fit.terms))
+        full_flight[e.name] = fitted_to_whole_flight(known, e, noise, priors)
+    return HeldOut(flights, terms, residual, rows, full_flight, len(fit.terms))
 
 
 def with_calibration(
@@ -347,7 +347,7 @@ def with_calibration(
     """
     if not options.tolerance.real:
         return e
-    own = errors_of(e, options.tolerance)
+    errors = errors_of(e, options.tolerance)
     e = dc.replace(e, y=e.uncalibrated, calibrated=0.0)
     shared = sum((columns(e) @ c for columns, c in fit.calibrated), start=np.zeros_like(e.y))
     there = dc.replace(e, y=e.y - shared)
@@ -359,11 +359,11 @@ def with_calibration(
         fit.calibration,
         unmeasured=options.tolerance.unmeasured,
     )
-    left = there.y - predicted_residual(there, terms)
+    residual = there.y - predicted_residual(there, terms)
     # Sensors that are worse in this flight do not decide about it.
-    louder = with_loudness(noise, [e.bridged(left)], [e.name], quietest=1.0)
-    mean, _ = there.gram(louder, [own], left).posterior(np.arange(own.shape[-1]))
-    given = shared + own @ mean
+    louder = with_loudness(noise, [e.bridged(residual)], [e.name], quietest=1.0)
+    mean, _ = there.gram(louder, [errors], residual).posterior(np.arange(errors.shape[-1]))
+    given = shared + errors @ mean
     return dc.replace(e, y=e.known(e.y - given), calibrated=e.known(given))
 
 
@@ -377,7 +377,7 @@ def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
     return float(np.sqrt(np.mean(rows**2)))
 
 
-def remaining_residual(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> float:
+def remaining_residual(causes: Sequence[Cause], noise: NoiseModel, held_out: HeldOut) -> float:
     """Return the RMS residual of some causes on held-out flights, in units of the noise [1]."""
-    left = held.left({c.identifier for c in causes})
-    return pooled([left[name][rows] for name, rows in held.rows.items()], noise)
+    residual = held_out.remaining_residuals({c.identifier for c in causes})
+    return pooled([residual[name][rows] for name, rows in held_out.rows.items()], noise)

@@ -73,8 +73,8 @@ class NoiseModel:
         flat = np.asarray(values, float).reshape(*values.shape[:2], -1)
         parts = self._driven([flat], flight)
         driven = np.zeros((len(flat) - self.phi.shape[1], len(parts), flat.shape[2]))
-        for i, (_, some, part) in enumerate(parts):
-            driven[:, i, some] = part
+        for i, (_, index, part) in enumerate(parts):
+            driven[:, i, index] = part
         mixed = np.matmul(self.mixing[:, [c for c, _, _ in parts]], driven)
         return mixed.reshape(len(mixed), *values.shape[1:])
 
@@ -106,12 +106,12 @@ class NoiseModel:
         weight = self.weight
         out = np.zeros((size, size))
         parts = self._driven(columns, flight)
-        for i, (c, some, own) in enumerate(parts):
-            for d, others, beside in (part for part in parts[: i + 1] if weight[c, part[0]]):
-                block = weight[c, d] * (own.T @ beside)
-                out[np.ix_(some, others)] += block
+        for i, (c, index_c, driven_c) in enumerate(parts):
+            for d, index_d, driven_d in (part for part in parts[: i + 1] if weight[c, part[0]]):
+                block = weight[c, d] * (driven_c.T @ driven_d)
+                out[np.ix_(index_c, index_d)] += block
                 if d != c:
-                    out[np.ix_(others, some)] += block.T
+                    out[np.ix_(index_d, index_c)] += block.T
         return out
 
     def _driven(
@@ -121,15 +121,17 @@ class NoiseModel:
         each active channel.
         """
         there = [np.asarray(X.any(axis=0)) for X in columns]
-        acts = np.array([some.any(axis=-1) for some in there])
+        acts = np.array([nonzero.any(axis=-1) for nonzero in there])
         groups = list(zip(columns, there, strict=True))
         parts = []
         for c in np.flatnonzero(self.active & acts.any(axis=0)).tolist():
-            own = [
-                X[:, c, some[c]] for (X, some), here in zip(groups, acts[:, c], strict=True) if here
+            group = [
+                X[:, c, nonzero[c]]
+                for (X, nonzero), here in zip(groups, acts[:, c], strict=True)
+                if here
             ]
-            where = np.flatnonzero(np.concatenate([some[c] for some in there]))
-            parts.append((c, where, self.driven_in(c, np.concatenate(own, axis=1), flight)))
+            where = np.flatnonzero(np.concatenate([nonzero[c] for nonzero in there]))
+            parts.append((c, where, self.driven_in(c, np.concatenate(group, axis=1), flight)))
         return parts
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
@@ -178,8 +180,8 @@ def with_loudness(
     usual = np.sqrt(np.maximum(noise.innovation, 1e-300))
     loudness = {}
     for name, r in zip(flights, residuals, strict=True):
-        own = [np.sqrt(np.mean(noise.driven_in(c, r[:, c]) ** 2)) for c in range(len(usual))]
-        loudness[name] = np.where(noise.active, np.maximum(own / usual, quietest), 1.0)
+        level = [np.sqrt(np.mean(noise.driven_in(c, r[:, c]) ** 2)) for c in range(len(usual))]
+        loudness[name] = np.where(noise.active, np.maximum(level / usual, quietest), 1.0)
     return dc.replace(noise, loudness=loudness)
 
 
@@ -307,8 +309,10 @@ class Gram:
             group, at least 1.
         """
         evidence = np.zeros(len(sets))
-        for some in _alike([sum(map(len, groups)) for groups in sets]):
-            evidence[some] = self._evidence([sets[i] for i in some], [wide[i] for i in some])
+        for same_size in _alike([sum(map(len, groups)) for groups in sets]):
+            evidence[same_size] = self._evidence(
+                [sets[i] for i in same_size], [wide[i] for i in same_size]
+            )
         return evidence
 
     def _evidence(
@@ -338,16 +342,16 @@ class Gram:
 
     def posteriors(self, indices: Sequence[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return `posterior` for each of many sets of columns."""
-        found = [(np.zeros(0), np.zeros((0, 0)))] * len(indices)
-        for some in _alike([len(index) for index in indices]):
-            index = np.stack([indices[i] for i in some])
+        results = [(np.zeros(0), np.zeros((0, 0)))] * len(indices)
+        for same_size in _alike([len(index) for index in indices]):
+            index = np.stack([indices[i] for i in same_size])
             covariance = np.linalg.inv(
                 self.XX[index[:, :, None], index[:, None, :]] + np.eye(index.shape[1])
             )
             means = (covariance @ self.Xy[index][..., None])[..., 0]
-            for i, mean, own in zip(some, means, covariance, strict=True):
-                found[i] = (mean, own)
-        return found
+            for i, mean, covariance_i in zip(same_size, means, covariance, strict=True):
+                results[i] = (mean, covariance_i)
+        return results
 
 
 def _alike(sizes: Sequence[int]) -> Iterator[np.ndarray]:

@@ -42,8 +42,8 @@ class GapKind:
     """Held-out residual of one kind, RMS of its vector: before and after the causes, and of noise
     [unit].
 
-    left: share of the square above the noise that the causes leave [1]; NaN where there is hardly a
-    gap.
+    remaining: share of the square above the noise that the causes leave [1]; NaN where there is
+    hardly a gap.
     above_noise: RMS that is left above the noise [unit].
     """
 
@@ -52,7 +52,7 @@ class GapKind:
     before: float
     after: float
     noise: float
-    left: float
+    remaining: float
     above_noise: float
 
 
@@ -83,11 +83,11 @@ class Localisation:
     after: dict[str, np.ndarray] = dc.field(default_factory=dict)
 
 
-def gap_kinds(every: Sequence[ChannelGap]) -> list[GapKind]:
+def gap_kinds(channel_gaps: Sequence[ChannelGap]) -> list[GapKind]:
     """Return the held-out gap of channels by kind, without kinds that the logs do not tell."""
     out = []
     for kind, names in KINDS.items():
-        channels = [c for c in every if c.channel in names]
+        channels = [c for c in channel_gaps if c.channel in names]
         sizes = [[c.rms, c.after, c.noise_floor] for c in channels]
         before, after, noise = (
             np.sqrt(np.sum(np.square(sizes), axis=0)).tolist() if channels else (0.0, 0.0, 0.0)
@@ -269,13 +269,13 @@ class Remainder:
 
 @dc.dataclass(frozen=True)
 class GapReduction:
-    """Held-out residual in noise units before and after the causes are added; left: what they leave
-    of the gap.
+    """Held-out residual in noise units before and after the causes are added; remainder: what they
+    leave of the gap.
     """
 
     before: float
     after: float
-    left: Remainder = Remainder()
+    remainder: Remainder = Remainder()
     replay_before: ReplayGap | None = None
     replay_after: ReplayGap | None = None
     warnings: tuple[str, ...] = ()
@@ -284,19 +284,19 @@ class GapReduction:
     @property
     def material(self) -> bool:
         """Whether there is a material gap, of which a share can be closed."""
-        return self.left.share == self.left.share
+        return self.remainder.share == self.remainder.share
 
     @property
     def fraction(self) -> float:
         """Share of the gap beyond the noise that causes and calibration close [1], at least -1; 0
         where the gap is immaterial.
         """
-        return max(1.0 - self.left.share, -1.0) if self.material else 0.0
+        return max(1.0 - self.remainder.share, -1.0) if self.material else 0.0
 
     @property
     def ci95(self) -> tuple[float, float]:
         """95 % interval of `fraction`."""
-        low, high = self.left.ci95 if self.material else (1.0, 1.0)
+        low, high = self.remainder.ci95 if self.material else (1.0, 1.0)
         return max(1.0 - high, -1.0), max(1.0 - low, -1.0)
 
 
@@ -397,7 +397,14 @@ class Diagnosis:
         for channel in self.localisation.channels:
             kind, axis = channel.channel.split()
             gap[kind][axis] = _fields(channel, "unit", "rms", "noise_floor", "after")
-        gap["kinds"] = [_fields(kind) for kind in gap_kinds(self.localisation.channels)]
+        gap["kinds"] = [
+            {
+                **_fields(kind, "kind", "unit", "before", "after", "noise"),
+                "left": kind.remaining,
+                "above_noise": kind.above_noise,
+            }
+            for kind in gap_kinds(self.localisation.channels)
+        ]
         gap["regimes"] = [_fields(regime) for regime in self.localisation.regimes]
         gap["replay"] = before and {"horizon": before.horizon, **before.medians()}
         replay = (before or after) and {
@@ -437,7 +444,7 @@ class Diagnosis:
                 "gap": gap,
                 "shrink": {
                     "residual": _fields(reduction, "before", "after", "floor", "fraction", "ci95"),
-                    "left": dc.asdict(reduction.left),
+                    "left": dc.asdict(reduction.remainder),
                     "replay": replay,
                 },
                 "minor": [_fields(finding) for finding in self.below_threshold],
@@ -473,5 +480,5 @@ Times of logs and onsets count from the flight's first row.
 
 def _fields(item: Any, *names: str) -> dict[str, Any]:
     """Return some fields of a dataclass by name; default: all."""
-    every = names or [field.name for field in dc.fields(item)]
-    return {name: getattr(item, name) for name in every}
+    chosen = names or [field.name for field in dc.fields(item)]
+    return {name: getattr(item, name) for name in chosen}

@@ -47,8 +47,10 @@ def flight_balance(log: FlightLog, vehicle: Vehicle) -> np.ndarray | None:
         return None
     rows = max(1, round(BLOCK / log.step))
     blocks = len(log) // rows
-    every = np.reshape(log.balance[: blocks * rows], (blocks, rows, 4))
-    turning = every[np.all(every > LEAST_SHARE, axis=(1, 2)) & np.isfinite(every).all(axis=(1, 2))]
+    shares = np.reshape(log.balance[: blocks * rows], (blocks, rows, 4))
+    turning = shares[
+        np.all(shares > LEAST_SHARE, axis=(1, 2)) & np.isfinite(shares).all(axis=(1, 2))
+    ]
     if len(turning) < LEAST_BLOCKS:
         return None
     return np.median(
@@ -95,7 +97,7 @@ def hypotheses(vehicle: Vehicle, prior: float) -> dict[str, Hypothesis]:
     axes = np.eye(3)
     level = 4 * axes[:, :2]
     turn = 4 * axes[:, 2:]
-    found = {
+    by_name = {
         "nothing": Hypothesis(np.zeros((3, 0)), np.zeros(0), 0.0),
         "centre of mass": Hypothesis(level, np.full(2, SPREAD.center_of_mass), prior),
         "yaw": Hypothesis(turn, np.full(1, SPREAD.rotor_gain), prior),
@@ -103,10 +105,10 @@ def hypotheses(vehicle: Vehicle, prior: float) -> dict[str, Hypothesis]:
     for name, torque in zip(ROTORS, B.T, strict=True):
         both = np.stack([torque, axes[2]], axis=1)
         spread = np.array([LOSS, TORQUE_RATIO])
-        own = prior - np.log(len(ROTORS))
-        found[name] = Hypothesis(both, spread, own, sign=1)
-        found[f"{name} gives more"] = Hypothesis(both, spread, own, sign=-1)
-    return found
+        log_prior = prior - np.log(len(ROTORS))
+        by_name[name] = Hypothesis(both, spread, log_prior, sign=1)
+        by_name[f"{name} gives more"] = Hypothesis(both, spread, log_prior, sign=-1)
+    return by_name
 
 
 def weigh(
@@ -132,11 +134,13 @@ def weigh(
     between = (FREEDOM * usual + within) / freedom
     healthy = SPREAD.rotor_gain**2 * squares + (4 * SPREAD.center_of_mass) ** 2 * level
     base = np.kron(np.ones((n, n)), np.diag(healthy)) + np.kron(np.eye(n), np.diag(between))
-    found = {}
+    weighed = {}
     for name, h in hypotheses(vehicle, prior).items():
         X = np.kron(late[:, None], h.columns * h.deviation)
         factor = scipy.linalg.cholesky(base + X @ X.T, lower=True)
-        white, own = (scipy.linalg.solve_triangular(factor, v, lower=True) for v in (y.ravel(), X))
+        white, columns = (
+            scipy.linalg.solve_triangular(factor, v, lower=True) for v in (y.ravel(), X)
+        )
         square = float(white @ white)
         size = freedom + y.size
         # Density of Student's t of all balances.
@@ -145,16 +149,16 @@ def weigh(
         value = 0.0
         error = 0.0
         if len(h.deviation):
-            value = float(h.deviation[0] * (own[:, 0] @ white))
-            left = (1.0 - own[:, 0] @ own[:, 0]) * (freedom + square) / size
-            error = float(h.deviation[0] * np.sqrt(left))
+            value = float(h.deviation[0] * (columns[:, 0] @ white))
+            variance = (1.0 - columns[:, 0] @ columns[:, 0]) * (freedom + square) / size
+            error = float(h.deviation[0] * np.sqrt(variance))
         if h.sign:
             evidence += float(np.log(2.0) + scipy.special.log_ndtr(h.sign * value / error))
-        found[name] = (evidence, value, error)
-    probability = scipy.special.softmax([evidence for evidence, _, _ in found.values()]).tolist()
+        weighed[name] = (evidence, value, error)
+    probability = scipy.special.softmax([evidence for evidence, _, _ in weighed.values()]).tolist()
     return {
         name: Weighed(p, value, error)
-        for p, (name, (_, value, error)) in zip(probability, found.items(), strict=True)
+        for p, (name, (_, value, error)) in zip(probability, weighed.items(), strict=True)
     }
 
 
@@ -184,45 +188,45 @@ def compare_balance(
         before: flights before what is asked.
         after: the others.
     """
-    told = [
+    balances = [
         [b for log in logs if (b := flight_balance(log, vehicle)) is not None]
         for logs in (before, after)
     ]
-    if not all(told):
+    if not all(balances):
         return RotorBalance()
-    old, new = (np.array(group) for group in told)
+    old, new = (np.array(group) for group in balances)
     prior = options.priors.of_effect(NAME)
     least = options.thresholds.cause_probability
     smallest = _visible(old, new, vehicle, prior, least)
     visible = {f"{NAME}.efficiency": smallest} if np.isfinite(smallest) else {}
     weighed = weigh(old, new, vehicle, prior)
     rotor = max(ROTORS, key=lambda name: weighed[name].probability)
-    own = weighed[rotor]
+    best = weighed[rotor]
     named = named_rotors([*before, *after], vehicle)[int(rotor) - 1]
-    half = SURE * float(np.hypot(own.error, EXPONENT * own.value))
-    value, low, high = np.exp([-own.value, -own.value - half, -own.value + half]).tolist()
-    if own.value <= 0 or own.probability < FAINT:
+    half = SURE * float(np.hypot(best.error, EXPONENT * best.value))
+    value, low, high = np.exp([-best.value, -best.value - half, -best.value + half]).tolist()
+    if best.value <= 0 or best.probability < FAINT:
         return RotorBalance(visible=visible)
-    if own.probability < least:
+    if best.probability < least:
         text = f"the balance of the rotors fits {named} at {number(value, 2)} of its thrust"
         return RotorBalance(
-            (), (ResidualFinding(NAME, text, 0.0, {"probability": own.probability}),), visible
+            (), (ResidualFinding(NAME, text, 0.0, {"probability": best.probability}),), visible
         )
     effect = WeakRotor(float(rotor), value)
     parameters = {
         "rotor": Estimate(effect.rotor, "", (effect.rotor, effect.rotor)),
         "efficiency": Estimate(value, "1", (low, high)),
     }
-    found = Cause(
+    cause = Cause(
         NAME,
-        own.probability,
+        best.probability,
         parameters,
         dict[str, float | None]((log.name, None) for log in after),
         effect=effect,
         changed=True,
         rotor=named,
     )
-    return RotorBalance((found,), (), visible)
+    return RotorBalance((cause,), (), visible)
 
 
 def _visible(

@@ -105,9 +105,9 @@ def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False)
     slow = [low_pass(a, step, 4 * TOP)[edge : len(a) - edge] for a in across]
     n = len(slow[0])
     f = np.arange(n) / (2 * n * step)
-    some = (f > 0) & (f <= TOP)
-    values = [scipy.fft.dct(a, axis=0, norm="ortho")[some] * np.sqrt(2 * step) for a in slow]
-    return f[some], np.stack(values)
+    in_band = (f > 0) & (f <= TOP)
+    values = [scipy.fft.dct(a, axis=0, norm="ortho")[in_band] * np.sqrt(2 * step) for a in slow]
+    return f[in_band], np.stack(values)
 
 
 def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray, np.ndarray]:
@@ -117,12 +117,12 @@ def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray,
     tolerance = options.tolerance
     priors = options.priors
     turned = gravity * tolerance.attitude
-    found = [(turned, priors.attitude_spread), priors.attitude_drift, (0.02 * turned, WHITE)]
+    pairs = [(turned, priors.attitude_spread), priors.attitude_drift, (0.02 * turned, WHITE)]
     if channels == 2:
         size, spread = priors.accelerometer_flicker
-        found += [(size * tolerance.acceleration, spread)]
-        found += [(0.2 * tolerance.acceleration, WHITE)]
-    return np.log([centre for centre, _ in found]), np.array([wide for _, wide in found])
+        pairs += [(size * tolerance.acceleration, spread)]
+        pairs += [(0.2 * tolerance.acceleration, WHITE)]
+    return np.log([centre for centre, _ in pairs]), np.array([wide for _, wide in pairs])
 
 
 def _markov(f: np.ndarray, rms: float, time: float) -> np.ndarray:
@@ -218,8 +218,8 @@ def position_p_value(
         )
         pieces = [_about_its_mean(p, width(e), wind) for p in spans(e, level, begins.get(e.name))]
         if pieces:
-            own = np.concatenate(pieces)
-            white.append(own / np.sqrt(np.mean(own[:, :2] ** 2)))
+            columns = np.concatenate(pieces)
+            white.append(columns / np.sqrt(np.mean(columns[:, :2] ** 2)))
     if not white:
         return 1.0
     force, drag_x, drag_y, place = np.split(np.concatenate(white), [2, 5, 8], axis=1)

@@ -56,8 +56,8 @@ class SwingFit:
     ):
         self._term = dc.replace(terms[i], onset={**terms[i].onset, flight.name: onset})
         order = noise.phi.shape[1]
-        found = np.flatnonzero(rows)
-        first, last = (found[0], found[-1]) if len(found) else (0, 0)
+        indices = np.flatnonzero(rows)
+        first, last = (indices[0], indices[-1]) if len(indices) else (0, 0)
         begin = max(first - order, 0)
         self._raw = slice(begin, max(last + 1, begin + order))
         self._scored = rows[self._raw][order:]
@@ -139,10 +139,10 @@ class SwingFit:
         normal matrix (f, f).
         """
         moved = np.eye(self.size)[free]
-        miss, *beside = self._misses(
+        miss, *shifted = self._misses(
             swing + SMALL * np.concatenate([np.zeros((1, self.size)), moved])
         )
-        X = (miss - np.array(beside)).T / SMALL
+        X = (miss - np.array(shifted)).T / SMALL
         return miss, X, X.T @ X + np.diag(self._prior[free] ** -2)
 
     def _misses(self, swings: np.ndarray) -> np.ndarray:
@@ -173,11 +173,11 @@ def fitted_to_whole_flight(
         if not term.effect.has_hidden_state or begin == NEVER:
             continue
         start = flight.t[0] if begin is None else begin
-        whole = SwingFit(terms, i, flight, noise, begin, flight.t >= start, priors)
-        swing = whole.known
+        full_fit = SwingFit(terms, i, flight, noise, begin, flight.t >= start, priors)
+        swing = full_fit.known
         for span in SPANS:
             rows = (flight.t >= start) & (flight.t < start + span)
             swing = SwingFit(terms, i, flight, noise, begin, rows, priors).descend(swing)
-        ends = np.array([whole.descend(whole.known), whole.descend(swing)])
-        terms[i] = whole.term(ends[np.argmin(whole.costs(ends))])
+        ends = np.array([full_fit.descend(full_fit.known), full_fit.descend(swing)])
+        terms[i] = full_fit.term(ends[np.argmin(full_fit.costs(ends))])
     return terms

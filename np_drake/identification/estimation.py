@@ -145,13 +145,13 @@ class Layout:
     """Places of the parameters in the vector z of standardised coordinates, theta = mean + sd z.
 
     shared: parameters of all flights.
-    own: parameters of each flight.
+    per_flight: parameters of each flight.
     flights: their number.
     fixed: values of those that these logs cannot tell.
     """
 
     shared: tuple[Parameter, ...]
-    own: tuple[Parameter, ...]
+    per_flight: tuple[Parameter, ...]
     flights: int
     fixed: Mapping[str, float] = dc.field(default_factory=dict)
 
@@ -170,7 +170,7 @@ class Layout:
     @property
     def size(self) -> int:
         """Length of z."""
-        return len(self.shared) + self.flights * len(self.own)
+        return len(self.shared) + self.flights * len(self.per_flight)
 
     @property
     def names(self) -> list[str]:
@@ -179,8 +179,8 @@ class Layout:
 
     def indices(self, flight: int) -> np.ndarray:
         """Return the places in z on which a flight depends."""
-        first = len(self.shared) + flight * len(self.own)
-        return np.r_[np.arange(len(self.shared)), np.arange(first, first + len(self.own))]
+        first = len(self.shared) + flight * len(self.per_flight)
+        return np.r_[np.arange(len(self.shared)), np.arange(first, first + len(self.per_flight))]
 
     def values(self, z: np.ndarray, flight: int | None = None) -> dict[str, float]:
         """Return parameters by name, those that these logs cannot tell included.
@@ -190,9 +190,9 @@ class Layout:
             flight: whose own parameters are included; None: the mean of those of all flights.
         """
         shared, each = np.split(z, [len(self.shared)])
-        each = each.reshape(self.flights, len(self.own))
-        own = each.mean(axis=0) if flight is None else each[flight]
-        both = zip((*self.shared, *self.own), (*shared, *own), strict=True)
+        each = each.reshape(self.flights, len(self.per_flight))
+        coordinates = each.mean(axis=0) if flight is None else each[flight]
+        both = zip((*self.shared, *self.per_flight), (*shared, *coordinates), strict=True)
         return {**self.fixed, **{p.name: p.value(c) for p, c in both}}
 
 
@@ -375,12 +375,12 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
     alone = [z] * len(models)
     for turn in range(PASSES):
         whitenings = []
-        for number, (model, own) in enumerate(zip(models, alone, strict=True)):
+        for number, (model, z_alone) in enumerate(zip(models, alone, strict=True)):
             if turn:
-                model.smooth(layout.values(own, number))
+                model.smooth(layout.values(z_alone, number))
             # What this flight alone leaves: a disagreement with others is not its noise.
             whitenings.append(
-                Whitening.of(model.residual(layout.values(own, number)), model.flight.good)
+                Whitening.of(model.residual(layout.values(z_alone, number)), model.flight.good)
             )
         before = z
         z, parts = _descend(models, layout, z, whitenings)
@@ -393,7 +393,8 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
     if len(parts) > 1:
         flights = zip(models, alone, whitenings, strict=True)
         single = [
-            _part(model, layout, own, number, w) for number, (model, own, w) in enumerate(flights)
+            _part(model, layout, z_alone, number, w)
+            for number, (model, z_alone, w) in enumerate(flights)
         ]
     agreement = _agreement(single, layout, alone)
     covariances = [inverse]
@@ -408,10 +409,10 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
             covariances.append(_sandwich(inverse, scores))
     # What disagreement adds to the variances of z (k,): between flights, and of what is their own.
     between = np.zeros(layout.size)
-    for name, told in agreement.items():
-        between[layout.names.index(name)] = _between(told)
-    for i in range(len(layout.own) if layout.flights > 1 else 0):
-        each = slice(len(layout.shared) + i, None, len(layout.own))
+    for name, comparison in agreement.items():
+        between[layout.names.index(name)] = _between(comparison)
+    for i in range(len(layout.per_flight) if layout.flights > 1 else 0):
+        each = slice(len(layout.shared) + i, None, len(layout.per_flight))
         beyond = np.var(z[each], ddof=1) - np.mean(np.diag(covariances[1])[each])
         between[each] = max(float(beyond), 0.0)
     covariances = [c + np.diag(between) for c in covariances]
@@ -506,9 +507,9 @@ def _part(
 ) -> _Part:
     """Return the share of one flight in the normal equations."""
     e = model.residual(layout.values(z, number))
-    own = layout.indices(number)
-    J = np.empty((len(own), *e.shape))
-    for column, i in enumerate(own):
+    indices = layout.indices(number)
+    J = np.empty((len(indices), *e.shape))
+    for column, i in enumerate(indices):
         moved = z.copy()
         moved[i] += STEP
         J[column] = whitening.apply((model.residual(layout.values(moved, number)) - e) / STEP)
@@ -519,10 +520,10 @@ def _part(
     information = np.zeros((k, k))
     gradient = np.zeros(k)
     scores = np.zeros((len(blocks), k))
-    flat = J.reshape(len(own), -1)
-    information[np.ix_(own, own)] = flat @ flat.T
-    gradient[own] = each.sum(axis=0)
-    scores[:, own] = blocks
+    flat = J.reshape(len(indices), -1)
+    information[np.ix_(indices, indices)] = flat @ flat.T
+    gradient[indices] = each.sum(axis=0)
+    scores[:, indices] = blocks
     return _Part(gradient, information, scores)
 
 
@@ -532,10 +533,12 @@ def _alone(
     """Return what a flight alone tells (k,), by one step from z (k,), and the inverse of its
     Hessian.
     """
-    own = layout.indices(number)
-    inverse = np.linalg.inv(part.information[np.ix_(own, own)] + np.eye(len(own)))
+    indices = layout.indices(number)
+    inverse = np.linalg.inv(part.information[np.ix_(indices, indices)] + np.eye(len(indices)))
     moved = z.copy()
-    moved[own] = np.clip(z[own] - inverse @ (part.gradient[own] + z[own]), -BOUND, BOUND)
+    moved[indices] = np.clip(
+        z[indices] - inverse @ (part.gradient[indices] + z[indices]), -BOUND, BOUND
+    )
     return moved, inverse
 
 
@@ -553,16 +556,16 @@ def _agreement(
     values = np.full((len(parts), n), np.nan)
     sds = np.full((len(parts), n), np.nan)
     for number, part in enumerate(parts):
-        own = layout.indices(number)
+        indices = layout.indices(number)
         moved, inverse = _alone(part, layout, alone[number], number)
-        sandwich = _sandwich(inverse, part.scores[:, own], 1.0)
+        sandwich = _sandwich(inverse, part.scores[:, indices], 1.0)
         variance = np.maximum(np.diag(sandwich), np.diag(inverse))[:n]
-        told = variance < 0.25
+        observable = variance < 0.25
         free = variance / np.maximum(1.0 - variance, 1e-9)  # of the prior
-        values[number] = np.where(told, moved[:n] * free / variance, np.nan)
-        sds[number] = np.where(told, np.sqrt(np.maximum(free, 1e-18)), np.nan)
+        values[number] = np.where(observable, moved[:n] * free / variance, np.nan)
+        sds[number] = np.where(observable, np.sqrt(np.maximum(free, 1e-18)), np.nan)
     return {
-        p.name: found
+        p.name: agreement
         for i, p in enumerate(layout.shared)
-        if (found := compare(values[:, i], sds[:, i])) is not None
+        if (agreement := compare(values[:, i], sds[:, i])) is not None
     }

@@ -12,7 +12,7 @@ import scipy
 from np_drake.identification.estimation import Agreement, random_effect
 from np_drake.identification.identify import Identification
 from np_drake.identification.model import Values
-from np_drake.identification.quantities import SURE, TOLD, Basis, Identified, Quantity
+from np_drake.identification.quantities import OBSERVABLE_RATIO, SURE, Basis, Identified, Quantity
 
 DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice
 
@@ -42,23 +42,23 @@ class FlightValues:
     @property
     def text(self) -> str:
         """That flights differ, in a sentence without its full stop, and which stand out."""
-        said = f"{self.quantity.title}: flights differ"
+        sentence = f"{self.quantity.title}: flights differ"
         one = len(self.apart) == 1
         if not self.apart or len(self.names) - len(self.apart) < 2:
-            return said
-        return f"{said}; {', '.join(self.apart)} {'stands' if one else 'stand'} out"
+            return sentence
+        return f"{sentence}; {', '.join(self.apart)} {'stands' if one else 'stand'} out"
 
 
-def flight_values(found: Identification) -> list[FlightValues]:
+def flight_values(identification: Identification) -> list[FlightValues]:
     """Return what flights tell alone of each quantity that they tell; one quantity for each
     parameter of the model.
     """
-    estimate = found.estimate
+    estimate = identification.estimate
     shown = []
     seen: set[str] = set()
-    for quantity in found.quantities:
+    for quantity in identification.quantities:
         name = quantity.follows
-        if not quantity.told or name in seen or name not in estimate.agreement:
+        if not quantity.observable or name in seen or name not in estimate.agreement:
             continue
         seen.add(name)
         place = estimate.layout.names.index(name)
@@ -66,28 +66,36 @@ def flight_values(found: Identification) -> list[FlightValues]:
         def of(coordinate: float, quantity=quantity, place=place) -> float:
             z = estimate.z.copy()
             z[place] = coordinate
-            return quantity.quantity.of(estimate.layout.values(z), found.basis)
+            return quantity.quantity.of(estimate.layout.values(z), identification.basis)
 
-        shown.append(_shown(found, quantity, estimate.agreement[name], of))
+        shown.append(_shown(identification, quantity, estimate.agreement[name], of))
     return shown
 
 
 def _shown(
-    found: Identification, quantity: Identified, told: Agreement, of: Callable[[float], float]
+    identification: Identification,
+    quantity: Identified,
+    agreement: Agreement,
+    of: Callable[[float], float],
 ) -> FlightValues:
     """Return what the flights tell of a quantity, which is `of` a coordinate of z."""
     value, *both = (
-        np.array([of(c) if np.isfinite(c) else np.nan for c in told.values + k * SURE * told.sd])
+        np.array(
+            [
+                of(c) if np.isfinite(c) else np.nan
+                for c in agreement.values + k * SURE * agreement.sd
+            ]
+        )
         for k in (0, -1, 1)
     )
-    names = tuple(model.flight.name for model in found.models)
-    apart = tuple(names[i] for i in outlying(told)) if quantity.p < DIFFER else ()
+    names = tuple(model.flight.name for model in identification.models)
+    apart = tuple(names[i] for i in outlying(agreement)) if quantity.p < DIFFER else ()
     return FlightValues(quantity, names, value, np.minimum(*both), np.maximum(*both), apart)
 
 
 # What each flight has of its own, by parameter: name, unit, and value from that of the parameter
 # and the mean arm [m].
-OWN: dict[str, tuple[str, str, Callable[[float, float], float]]] = {
+PER_FLIGHT: dict[str, tuple[str, str, Callable[[float, float], float]]] = {
     "charge": ("thrust of a flight", "1", lambda value, arm: value),
     "shift_x": ("centre of mass x of a flight", "m", lambda value, arm: arm * value),
     "shift_y": ("centre of mass y of a flight", "m", lambda value, arm: arm * value),
@@ -97,31 +105,31 @@ OWN: dict[str, tuple[str, str, Callable[[float, float], float]]] = {
 }
 
 
-def own_values(found: Identification) -> list[FlightValues]:
+def own_values(identification: Identification) -> list[FlightValues]:
     """Return what each of several flights has of its own, with the interval of its difference to
     their mean.
 
     Innovations count as white, for the covariance of the estimate holds the spread that is tested
     here.
     """
-    e = found.estimate
-    layout = found.estimate.layout
+    e = identification.estimate
+    layout = identification.estimate.layout
     covariance = np.linalg.inv(e.information + np.eye(layout.size))
     count = layout.flights
-    arm = found.basis.frame.arm
+    arm = identification.basis.frame.arm
     shown = []
-    for number, parameter in enumerate(layout.own):
-        if parameter.name not in OWN or count < 2:
+    for number, parameter in enumerate(layout.per_flight):
+        if parameter.name not in PER_FLIGHT or count < 2:
             continue
-        places = len(layout.shared) + number + len(layout.own) * np.arange(count)
+        places = len(layout.shared) + number + len(layout.per_flight) * np.arange(count)
         contrast = np.eye(count) - 1.0 / count
         sd = np.sqrt(np.diag(contrast @ covariance[np.ix_(places, places)] @ contrast.T))
-        if not (sd < TOLD).all():
+        if not (sd < OBSERVABLE_RATIO).all():
             continue
         z = e.z[places]
         # Deviations from the mean of n flights have n - 1 degrees of freedom.
         Q = float(np.sum(((z - z.mean()) / sd) ** 2)) * (count - 1) / count
-        name, unit, of = OWN[parameter.name]
+        name, unit, of = PER_FLIGHT[parameter.name]
 
         def value(z: float, parameter=parameter, of=of) -> float:
             return of(parameter.value(z), arm)
@@ -130,7 +138,7 @@ def own_values(found: Identification) -> list[FlightValues]:
         p = float(scipy.stats.chi2.sf(Q, count - 1))
         constant = Quantity(name, "", unit, _constant(mean))
         quantity = Identified(constant, mean, mean, mean, (min(ends), max(ends)), True, p)
-        shown.append(_shown(found, quantity, Agreement(z, sd, 0.0, p), value))
+        shown.append(_shown(identification, quantity, Agreement(z, sd, 0.0, p), value))
     return shown
 
 
@@ -141,7 +149,7 @@ def outlying(agreement: Agreement) -> list[int]:
     The level is shared by all flights (Bonferroni).
     """
     here = np.flatnonzero(np.isfinite(agreement.values))
-    found = []
+    outliers = []
     for i in here:
         others = here[here != i]
         if len(others) < 2:
@@ -156,8 +164,8 @@ def outlying(agreement: Agreement) -> list[int]:
             abs(agreement.values[i] - mean) / spread, len(others) - 1 if between > 0 else np.inf
         )
         if p < DIFFER / len(here):
-            found.append(int(i))
-    return found
+            outliers.append(int(i))
+    return outliers
 
 
 def _constant(value: float) -> Callable[[Values, Basis], float]:

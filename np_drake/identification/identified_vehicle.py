@@ -31,29 +31,29 @@ SCALE_OF = {
 FLATTEST = 1e-3
 
 
-def identified_vehicle(found: Identification, name: str) -> Vehicle:
+def identified_vehicle(identification: Identification, name: str) -> Vehicle:
     """Return the vehicle as flights tell it.
     Raises: ValueError: where only ratios to the mass are told, or the values are no vehicle's.
     """
-    basis = found.basis
-    prior = found.prior
-    count = len(found.models)
+    basis = identification.basis
+    prior = identification.prior
+    count = len(identification.models)
     if basis.ratios:
         raise ValueError(
             "identify: a vehicle file needs the mass, for flights tell thrust and inertia "
             "over it. Give --mass KG."
         )
     fields: dict[str, list[Identified]] = {}
-    for quantity in found.quantities:
+    for quantity in identification.quantities:
         fields.setdefault(quantity.quantity.field, []).append(quantity)
     fields.pop("", None)
     named = f"identified from {count} flight{'s' if count > 1 else ''}"
     values: dict[str, Any] = {}
     intervals = dict[str, list[list[float]]]()
     sources = dict[str, str]()
-    for field, own in fields.items():
-        values[field], intervals[field] = _numbers(field, own, prior)
-        sources[field] = _source(own, named)
+    for field, quantities in fields.items():
+        values[field], intervals[field] = _numbers(field, quantities, prior)
+        sources[field] = _source(quantities, named)
     if basis.mass is not None:
         sources["mass"] = "given"
     sources |= dict.fromkeys(
@@ -91,7 +91,7 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
     if "command_delay" in own_fields:
         own_fields["command_delay"] = max(own_fields["command_delay"], 0.0)
     loop = None
-    axes = found.rate_loop
+    axes = identification.rate_loop
     if axes:
         lags, gains = ([_rounded(getattr(axis, of)) for axis in axes] for of in ("lag", "gain"))
         most = np.maximum([axis.max_rate for axis in axes], RateLoop().max_rate)
@@ -103,7 +103,7 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
     return dc.replace(
         prior,
         name=name,
-        mass=basis.mass_of(found.estimate.layout.values(found.estimate.z)),
+        mass=basis.mass_of(identification.estimate.layout.values(identification.estimate.z)),
         max_rotor_thrust=prior.max_rotor_thrust if full is None else full,
         throttle=throttle,
         calibration=Calibration(**own_fields),
@@ -115,33 +115,35 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
 
 
 def _numbers(
-    field: str, own: Sequence[Identified], prior: Vehicle
+    field: str, quantities: Sequence[Identified], prior: Vehicle
 ) -> tuple[Any, list[list[float]]]:
     """Return the value of a field as a vehicle file holds it, and the 95 % intervals of each of its
     numbers row by row; what flights do not tell of an array is the prior's.
     """
     if field not in SHAPES:
-        return _rounded(own[0].value), [[_rounded(own[0].low), _rounded(own[0].high)]]
+        return _rounded(quantities[0].value), [
+            [_rounded(quantities[0].low), _rounded(quantities[0].high)]
+        ]
     start = np.array(prior.inertia, float) if field == "inertia" else np.zeros(SHAPES[field])
     value = start.copy()
     low = start.copy()
     high = start.copy()
-    for q in own:
+    for q in quantities:
         for out, number in ((value, q.value), (low, q.low), (high, q.high)):
             out[q.quantity.index] = out[q.quantity.index[::-1]] = _rounded(number)
     return value.tolist(), np.stack([low.ravel(), high.ravel()], axis=1).tolist()
 
 
-def _source(own: Sequence[Identified], named: str) -> str:
+def _source(quantities: Sequence[Identified], named: str) -> str:
     """Return what told a field, or why flights do not."""
-    told = [q for q in own if q.told]
-    other = [q for q in own if not q.told]
-    if not other:
+    observable = [q for q in quantities if q.observable]
+    unobservable = [q for q in quantities if not q.observable]
+    if not unobservable:
         return named
-    lacks = f"{other[0].quantity.why}; {other[0].quantity.manoeuvre} would tell"
-    if not told:
+    lacks = f"{unobservable[0].quantity.why}; {unobservable[0].quantity.manoeuvre} would tell"
+    if not observable:
         return f"prior: {lacks}"
-    return f"{named}: {', '.join(q.name for q in told)}; prior: the rest, for {lacks}"
+    return f"{named}: {', '.join(q.name for q in observable)}; prior: the rest, for {lacks}"
 
 
 def _possible(J: np.ndarray) -> np.ndarray | None:

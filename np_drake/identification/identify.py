@@ -12,10 +12,10 @@ from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import Estimate, Layout, estimate, parameters
 from np_drake.identification.model import FlightModel, Frame
 from np_drake.identification.quantities import (
+    OBSERVABLE_RATIO,
     QUANTITIES,
     ROTOR_GAINS,
     SURE,
-    TOLD,
     Basis,
     Identified,
     Quantity,
@@ -72,7 +72,7 @@ class Identification:
         """What is told of the vehicle, in the order of a vehicle file."""
         e = self.estimate
         layout = self.estimate.layout
-        found = []
+        quantities = []
         for q in (q for q in QUANTITIES if self.parts.issuperset(q.needs)):
             here, gradient = self.of(q, e.z)
             before, slope = self.of(q, np.zeros_like(e.z))
@@ -82,22 +82,22 @@ class Identification:
             known = SURE * prior
             bounds = np.array([here, here - wide, here + wide, before - known, before + known])
             value, low, high, *both = (np.exp(bounds) if q.positive else bounds).tolist()
-            told = bool(0.0 < sd < TOLD * prior)
+            observable = bool(0.0 < sd < OBSERVABLE_RATIO * prior)
             steepest = int(np.argmax(np.abs(_of_one_flight(gradient, layout))))
             follows = layout.names[steepest] if steepest < len(layout.shared) else ""
             p = e.agreement[follows].p if follows in e.agreement else float("nan")
             rotor = self.rotors[q.index[0]] if q.field == ROTOR_GAINS else None
-            found.append(
-                Identified(q, value, low, high, (both[0], both[1]), told, p, follows, rotor)
+            quantities.append(
+                Identified(q, value, low, high, (both[0], both[1]), observable, p, follows, rotor)
             )
-        return tuple(found)
+        return tuple(quantities)
 
     def of(self, q: Quantity, z: np.ndarray) -> tuple[float, np.ndarray]:
         """Return a quantity, the logarithm of a positive one, and its derivatives by z (k,)."""
 
         def value(z: np.ndarray) -> float:
-            own = q.of(self.estimate.layout.values(z), self.basis)
-            return float(np.log(own)) if q.positive else own
+            number = q.of(self.estimate.layout.values(z), self.basis)
+            return float(np.log(number)) if q.positive else number
 
         return value(z), scipy.optimize.approx_fprime(z, value, STEP)
 
@@ -154,10 +154,10 @@ def identify(
         seen = [dc.replace(flight, command=None) for flight in seen]
     frame = _frame(seen, prior, drive)
     parts = _parts(seen, drive)
-    told = trusted and mass is None
+    mass_from_thrust = trusted and mass is None
     measured = drive == "rotor_speed"
-    coefficient = prior.thrust_coefficient if told and measured else None
-    newtons = told and drive == "command"
+    coefficient = prior.thrust_coefficient if mass_from_thrust and measured else None
+    newtons = mass_from_thrust and drive == "command"
     known = parts | ({"trusted"} if coefficient is not None or newtons else {"mass"})
     known |= {"full"} if frame.throttle < FULL else set()
     spin = frame.unit
@@ -173,51 +173,53 @@ def identify(
             "rate loop: no body rate follows its command as a loop would, or flights are "
             "short; none is told"
         )
-    found = estimate(models, layout)
+    fitted = estimate(models, layout)
     rotors = tuple(
         rotor_names(prior.rotor_positions, [log.motors for log in kept if log.layout is None])
     )
     return Identification(
-        basis, found, frozenset(known), models, prior, tuple(notes), loops, rotors
+        basis, fitted, frozenset(known), models, prior, tuple(notes), loops, rotors
     )
 
 
-def trades(found: Identification) -> list[tuple[list[str], list[str]]]:
+def trades(identification: Identification) -> list[tuple[list[str], list[str]]]:
     """Return names of quantities that trade against each other: of two fields of a vehicle file,
     one of which is not told, a sum is told far better than either.
     """
-    kept = [q for q in found.quantities if q.quantity.field]
+    kept = [q for q in identification.quantities if q.quantity.field]
     fields = np.array([q.quantity.field for q in kept])
-    gradients = np.stack([found.of(q.quantity, found.estimate.z)[1] for q in kept])
-    covariance = gradients @ found.estimate.covariances[0] @ gradients.T
+    gradients = np.stack(
+        [identification.of(q.quantity, identification.estimate.z)[1] for q in kept]
+    )
+    covariance = gradients @ identification.estimate.covariances[0] @ gradients.T
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
 
-    def shared(own: str, other: str) -> tuple[list[Identified], float]:
+    def shared(field: str, other: str) -> tuple[list[Identified], float]:
         """Return the quantities of a field most of whose variance another has, and its largest
         share.
         """
-        across = correlation[np.ix_(fields == own, fields == other)]
+        across = correlation[np.ix_(fields == field, fields == other)]
         among = np.linalg.pinv(correlation[np.ix_(fields == other, fields == other)], RANK)
         share = np.diag(across @ among @ across.T)
-        places = np.flatnonzero(fields == own)[share > SHARED]
+        places = np.flatnonzero(fields == field)[share > SHARED]
         return [kept[i] for i in places], float(share.max())
 
     pairs = []
-    for own, other in itertools.combinations(dict.fromkeys(fields), 2):
-        one, most = shared(own, other)
-        two, more = shared(other, own)
+    for field, other in itertools.combinations(dict.fromkeys(fields), 2):
+        one, most = shared(field, other)
+        two, more = shared(other, field)
         trading = one and two and max(most, more) > TRADE**2
-        if trading and not all(q.told for q in (*one, *two)):
+        if trading and not all(q.observable for q in (*one, *two)):
             pairs.append(([q.name for q in one], [q.name for q in two]))
     return pairs
 
 
-def doubts(found: Identification) -> list[str]:
+def doubts(identification: Identification) -> list[str]:
     """Return what physics doubts of the values that flights tell, a sentence each."""
-    basis = found.basis
-    frame = found.basis.frame
-    weight = basis.mass_of(found.estimate.layout.values(found.estimate.z)) * G
+    basis = identification.basis
+    frame = identification.basis.frame
+    weight = basis.mass_of(identification.estimate.layout.values(identification.estimate.z)) * G
     unit = weight / G * frame.arm**2
     inertias = published_priors().inertia.within(UNUSUAL)
     per_coefficient = (2 * np.pi) ** 2 / (AIR * (2 * frame.radius) ** 4)
@@ -225,23 +227,27 @@ def doubts(found: Identification) -> list[str]:
         "thrust coefficient": (per_coefficient, THRUST_NUMBERS, *C_T),
         "inertia xx": (1.0 / unit, inertias, *OVER_UNIT),
         "inertia yy": (1.0 / unit, inertias, *OVER_UNIT),
-        "thrust at full throttle": (4.0 / weight, _strengths(found), *STRENGTH),
-        "thrust at full command": (4.0 / weight, _strengths(found), *STRENGTH),
+        "thrust at full throttle": (4.0 / weight, _strengths(identification), *STRENGTH),
+        "thrust at full command": (4.0 / weight, _strengths(identification), *STRENGTH),
     }
-    said = []
-    for q in (q for q in found.quantities if q.name in checks and q.told and not basis.ratios):
+    sentences = []
+    for q in (
+        q
+        for q in identification.quantities
+        if q.name in checks and q.observable and not basis.ratios
+    ):
         factor, (least, most), what, remedy = checks[q.name]
         if q.high * factor < least or q.low * factor > most:
             bounds = f"{least:.2g} to {most:.2g}; got {factor * q.value:.2g}"
-            said.append(f"{q.name}: {what} is usually {bounds}. {remedy}")
-    return said
+            sentences.append(f"{q.name}: {what} is usually {bounds}. {remedy}")
+    return sentences
 
 
-def _strengths(found: Identification) -> tuple[float, float]:
+def _strengths(identification: Identification) -> tuple[float, float]:
     """Return thrust at full throttle over that in hover, of a curve between line and square [1]."""
-    hover = max(found.basis.frame.throttle, LEAST_HOVER)
+    hover = max(identification.basis.frame.throttle, LEAST_HOVER)
     named = ("command without thrust", "idle speed over full speed")
-    begins = max((q.value for q in found.quantities if q.name in named), default=0.0)
+    begins = max((q.value for q in identification.quantities if q.name in named), default=0.0)
     turning = max((hover - max(begins, 0.0)) / (1.0 - begins), LEAST_HOVER)
     return 1.0 / hover, 1.0 / turning**2
 
@@ -271,14 +277,14 @@ def _of_one_flight(gradient: np.ndarray, layout: Layout) -> np.ndarray:
     """Return derivatives by the shared parameters, and by a flight's own where those of all flights
     move together.
     """
-    own = gradient[len(layout.shared) :].reshape(layout.flights, len(layout.own))
-    return np.concatenate([gradient[: len(layout.shared)], own.sum(axis=0)])
+    per_flight = gradient[len(layout.shared) :].reshape(layout.flights, len(layout.per_flight))
+    return np.concatenate([gradient[: len(layout.shared)], per_flight.sum(axis=0)])
 
 
 def _parts(flights: Sequence[Signals], drive: str) -> set[str]:
     """Return what the logs hold."""
     throttle = drive == "throttle" or all(s.command is not None for s in flights)
-    held = {
+    present = {
         "speed": drive == "rotor_speed",
         "motors": drive != "rotor_speed" or throttle,
         "newtons": drive == "command",
@@ -290,7 +296,7 @@ def _parts(flights: Sequence[Signals], drive: str) -> set[str]:
         "velocity": any(s.velocity is not None for s in flights),
         "accelerometer": all(s.accelerometer for s in flights),
     }
-    return {name for name, there in held.items() if there}
+    return {name for name, there in present.items() if there}
 
 
 def _frame(flights: Sequence[Signals], prior: Vehicle, drive: str) -> Frame:

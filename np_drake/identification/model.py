@@ -143,9 +143,11 @@ def means(t: np.ndarray, values: np.ndarray, starts: np.ndarray, stops: np.ndarr
         k = np.minimum(inside.astype(int), len(t) - 2)
         part = (inside - k)[:, None]
         # Of a line from the node before, and of the constant beyond the ends.
-        own = total[k] + step * part * (values[k] + 0.5 * part * (values[k + 1] - values[k]))
+        inside_integral = total[k] + step * part * (
+            values[k] + 0.5 * part * (values[k + 1] - values[k])
+        )
         beyond = step * (place - inside)[:, None]
-        return own + beyond * np.where(beyond < 0, values[:1], values[-1:])
+        return inside_integral + beyond * np.where(beyond < 0, values[:1], values[-1:])
 
     return (integral(stops) - integral(starts)) / (stops - starts)[:, None]
 

@@ -20,7 +20,7 @@ from np_drake.identification.signals import G
 from np_drake.vehicle.rotor_layout import RotorName
 
 # deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits
-TOLD = 0.5
+OBSERVABLE_RATIO = 0.5
 SURE = 1.959964  # standard deviations of 95 %
 
 
@@ -459,8 +459,8 @@ class Identified:
 
     value, low, high: with its 95 % interval.
     prior: (low, high) of the prior.
-    told: whether flights tell it. p: probability that flights which agree differ as much as these
-        do [1]; NaN: not tested.
+    observable: whether flights tell it. p: probability that flights which agree differ as much as
+        these do [1]; NaN: not tested.
     follows: parameter of the model on which the value depends most.
     rotor: what its rotor is called; None: it is of no single one.
     """
@@ -470,7 +470,7 @@ class Identified:
     low: float
     high: float
     prior: tuple[float, float]
-    told: bool
+    observable: bool
     p: float = float("nan")
     follows: str = ""
     rotor: RotorName | None = None

@@ -61,8 +61,8 @@ def identify_rate_loop(flights: Sequence[FlightLog]) -> tuple[AxisLoop, AxisLoop
     """
     if not flights or any(log.commanded_rates is None for log in flights):
         return None
-    found = [_axis([block for log in flights for block in _blocks(log, axis)]) for axis in range(3)]
-    return None if any(loop is None for loop in found) else tuple(found)  # type: ignore[return-value]
+    loops = [_axis([block for log in flights for block in _blocks(log, axis)]) for axis in range(3)]
+    return None if any(loop is None for loop in loops) else tuple(loops)  # type: ignore[return-value]
 
 
 def _blocks(log: FlightLog, axis: int) -> list[_Block]:
@@ -71,13 +71,13 @@ def _blocks(log: FlightLog, axis: int) -> list[_Block]:
         return []
     step = log.step
     rows = max(int(BLOCK / log.step), 10)
-    whole = np.isfinite(commanded[:, axis]) & np.isfinite(log.w[:, axis])
-    whole[1:] &= np.abs(np.diff(log.t) - step) < 0.5 * step
+    complete = np.isfinite(commanded[:, axis]) & np.isfinite(log.w[:, axis])
+    complete[1:] &= np.abs(np.diff(log.t) - step) < 0.5 * step
     parts = (slice(start, start + rows) for start in range(0, len(log) - rows + 1, rows))
     return [
         _Block(commanded[part, axis], log.w[part, axis], step)
         for part in parts
-        if whole[part].all()
+        if complete[part].all()
     ]
 
 
@@ -87,12 +87,14 @@ def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:
     z, gain, share = _fit(blocks, *np.log(STARTS))
     if share < LEAST**2 or not (LOOP_GAINS[0] <= gain <= LOOP_GAINS[1] and _rise(z) <= SLOWEST):
         return None
-    found = [_fit([*blocks[:k], *blocks[k + 1 :]], z)[:2] for k in range(len(blocks))]
-    left = np.array([(_rise(part), g) for part, g in found])
+    refits = [_fit([*blocks[:k], *blocks[k + 1 :]], z)[:2] for k in range(len(blocks))]
+    leave_one_out = np.array([(_rise(part), g) for part, g in refits])
     most = max(float(np.abs(block.command).max()) for block in blocks)
     n = len(blocks)
     middle = np.array([_rise(z), gain])
-    deviation = np.sqrt((n - 1) / n * np.sum((left - left.mean(axis=0)) ** 2, axis=0))
+    deviation = np.sqrt(
+        (n - 1) / n * np.sum((leave_one_out - leave_one_out.mean(axis=0)) ** 2, axis=0)
+    )
     low = np.maximum(middle - SURE * deviation, 0.0)
     high = middle + SURE * deviation
     within = [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
@@ -119,13 +121,13 @@ def _fit(blocks: Sequence[_Block], *starts: np.ndarray) -> tuple[np.ndarray, flo
         return (w - gain * y) / np.sqrt(square), gain, gain * float(y @ w) / square
 
     low, high = np.log(BOUNDS).T
-    found = [
+    fits = [
         scipy.optimize.least_squares(
             lambda z: at(z)[0], np.clip(z, low + 1e-6, high - 1e-6), bounds=(low, high)
         )
         for z in starts
     ]
-    best = min(found, key=lambda one: one.cost)
+    best = min(fits, key=lambda one: one.cost)
     return best.x, *at(best.x)[1:]
 
 
@@ -140,10 +142,10 @@ def _response(block: _Block, z: np.ndarray) -> np.ndarray:
     top, bottom = scipy.signal.ss2tf(
         *scipy.signal.cont2discrete((a, b, c, np.zeros((1, 1))), block.step)[:4]
     )
-    whole, part = divmod(delay / block.step, 1.0)
+    whole_steps, part = divmod(delay / block.step, 1.0)
     n = len(block.rate)
     first = block.command[0]
-    command = np.concatenate([np.full(int(whole) + 1, first), block.command])[: n + 1]
+    command = np.concatenate([np.full(int(whole_steps) + 1, first), block.command])[: n + 1]
     acting = part * command[:-1] + (1 - part) * command[1:]
     return first + scipy.signal.lfilter(top[0], bottom, acting - first)
 

@@ -39,8 +39,8 @@ class Substeps:
     @classmethod
     def of(cls, t: np.ndarray) -> "Substeps":
         """Return the grid of rows at t (n,) [s]."""
-        own = float(np.median(np.diff(t)))
-        step = own / max(1, int(np.ceil(own / FINEST - 1e-9)))
+        row_step = float(np.median(np.diff(t)))
+        step = row_step / max(1, int(np.ceil(row_step / FINEST - 1e-9)))
         fine = np.arange(t[0], t[-1], step)
         return cls(fine, np.searchsorted(t, fine + 0.5 * step, side="right") - 1, step)
 
@@ -65,13 +65,13 @@ def drives_of(log: FlightLog) -> tuple[str, ...]:
     """
     command = log.input == "command" and bool(np.isfinite(log.u).all())
     collective = log.throttle is not None and of_four_rotors(_of_each(log.throttle))
-    held = (of_four_rotors(log.rotor), of_four_rotors(log.throttle), command, collective)
+    available = (of_four_rotors(log.rotor), of_four_rotors(log.throttle), command, collective)
     require(
-        any(held),
+        any(available),
         f"{log.name}: identification needs what turns the rotors: rotor speed, throttle of "
         f"four motors or of all together, or thrust and torque; the log has none of them.",
     )
-    return tuple(kind for kind, there in zip(DRIVES, held, strict=True) if there)
+    return tuple(kind for kind, there in zip(DRIVES, available, strict=True) if there)
 
 
 def _of_each(throttle: np.ndarray) -> np.ndarray:
@@ -88,18 +88,18 @@ def common_drive(logs: Sequence[FlightLog], asked: str = "") -> str:
         not asked or asked in DRIVES,
         f"identify: the input must be {', '.join(DRIVES[:-1])} or {DRIVES[-1]}; got {asked!r}.",
     )
-    held = {log.name: drives_of(log) for log in logs}
-    for name, kinds in held.items():
+    drives = {log.name: drives_of(log) for log in logs}
+    for name, kinds in drives.items():
         require(
             not asked or asked in kinds,
             f"{name}: holds {' and '.join(kinds)} of its rotors, not {asked}.",
         )
     for kind in (asked,) if asked else DRIVES:
-        if all(kind in kinds for kinds in held.values()):
+        if all(kind in kinds for kinds in drives.values()):
             return kind
-    said = "; ".join(f"{name} {' and '.join(kinds)}" for name, kinds in held.items())
+    listing = "; ".join(f"{name} {' and '.join(kinds)}" for name, kinds in drives.items())
     raise ValueError(
-        f"identify: flights must hold one kind of input of their rotors in common; got {said}."
+        f"identify: flights must hold one kind of input of their rotors in common; got {listing}."
     )
 
 

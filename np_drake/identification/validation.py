@@ -22,18 +22,18 @@ ERRORS = ("position", "velocity", "attitude", "rates")  # [m, m/s, rad, rad/s]
 
 
 def predict(
-    model: FlightModel, log: FlightLog, v: Values, *, seconds: float, every: float = 0.1
+    model: FlightModel, log: FlightLog, v: Values, *, seconds: float, start_interval: float = 0.1
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the first bins (s,) of open-loop predictions, and their errors (k + 1, s, 4), of
     `ERRORS`, at the start and after each bin.
 
     Args:
         seconds: length of a prediction [s].
-        every: between starts [s].
+        start_interval: between starts [s].
     """
     s = model.flight
     steps = max(1, round(seconds / s.step))
-    apart = max(1, round(every / s.step))
+    apart = max(1, round(start_interval / s.step))
     first = np.arange(0, len(s) - steps, apart)
     first = np.array([b for b in first if s.good[b : b + steps].all()], int)
     if not len(first):
@@ -47,41 +47,41 @@ def predict(
     out = [x]
     h = s.step / SUBSTEPS
     for k in range(steps):
-        held = rotors.at(first + k)
+        bin_rotors = rotors.at(first + k)
         for _ in range(SUBSTEPS):
-            x = _step(model, v, x, held, h)
+            x = _step(model, v, x, bin_rotors, h)
         out.append(x)
-    found = np.array(out)
-    R = attitude.rotation_matrix(found[..., 3:7])
-    turned = np.cross(found[..., 10:13], center)
-    found[..., 0:3] -= R @ center
-    found[..., 7:10] -= np.einsum("ksij,ksj->ksi", R, turned)
-    off = found - log.x[s.edges[first[None, :] + np.arange(steps + 1)[:, None]]]
+    states = np.array(out)
+    R = attitude.rotation_matrix(states[..., 3:7])
+    turned = np.cross(states[..., 10:13], center)
+    states[..., 0:3] -= R @ center
+    states[..., 7:10] -= np.einsum("ksij,ksj->ksi", R, turned)
+    off = states - log.x[s.edges[first[None, :] + np.arange(steps + 1)[:, None]]]
     between = attitude.multiply(
-        attitude.conjugate(found[..., 3:7] - off[..., 3:7]), found[..., 3:7]
+        attitude.conjugate(states[..., 3:7] - off[..., 3:7]), states[..., 3:7]
     )
     parts = (off[..., 0:3], off[..., 7:10], attitude.rotation_vector(between), off[..., 10:13])
     return first, np.stack([np.linalg.norm(part, axis=-1) for part in parts], axis=-1)
 
 
-def _step(model: FlightModel, v: Values, x: np.ndarray, held: Rotors, h: float) -> np.ndarray:
+def _step(model: FlightModel, v: Values, x: np.ndarray, rotors: Rotors, h: float) -> np.ndarray:
     """Return states (s, 13) one Runge-Kutta step later."""
-    one = _rate(model, v, x, held)
-    two = _rate(model, v, x + 0.5 * h * one, held)
-    three = _rate(model, v, x + 0.5 * h * two, held)
-    four = _rate(model, v, x + h * three, held)
+    one = _rate(model, v, x, rotors)
+    two = _rate(model, v, x + 0.5 * h * one, rotors)
+    three = _rate(model, v, x + 0.5 * h * two, rotors)
+    four = _rate(model, v, x + h * three, rotors)
     out = x + h / 6 * (one + 2 * two + 2 * three + four)
     out[:, 3:7] /= np.linalg.norm(out[:, 3:7], axis=1, keepdims=True)
     return out
 
 
-def _rate(model: FlightModel, v: Values, x: np.ndarray, held: Rotors) -> np.ndarray:
+def _rate(model: FlightModel, v: Values, x: np.ndarray, rotors: Rotors) -> np.ndarray:
     """Return the rates of change (s, 13) of states x (s, 13), of the centre of mass."""
     q = x[:, 3:7]
     w = x[:, 10:13]
     u = attitude.rotate_back(q, x[:, 7:10])
-    push, torque = model.wrench(v, w, u, held)
-    push[:, 2] += held.thrust @ model.gains(v)
+    push, torque = model.wrench(v, w, u, rotors)
+    push[:, 2] += rotors.thrust @ model.gains(v)
     a = attitude.rotate(q, push) - [0.0, 0.0, G]
     j = inertia(v) * model.frame.arm**2
     torque -= np.cross(w, w @ j.T)
@@ -176,7 +176,9 @@ def vehicle_values(
 
 
 def held_out(
-    found: Identification, logs: Sequence[FlightLog], parts: Sequence[tuple[float, float]] = ()
+    identification: Identification,
+    logs: Sequence[FlightLog],
+    parts: Sequence[tuple[float, float]] = (),
 ) -> list[HeldOut]:
     """Return the errors on flights that the identification has not seen.
 
@@ -184,19 +186,23 @@ def held_out(
     sensors. They are not scored. parts: share of each flight that counts, first and last [1];
     default: whole flights.
     """
-    basis = found.basis
-    identified = found.estimate.layout.values(found.estimate.z)
+    basis = identification.basis
+    identified = identification.estimate.layout.values(identification.estimate.z)
     mass = basis.mass_of(identified)
     J = mass * basis.frame.arm**2 * inertia(identified)
     rows = {
-        "vehicle file": vehicle_values(found.prior, basis.frame, basis.drive, mass, identified),
+        "vehicle file": vehicle_values(
+            identification.prior, basis.frame, basis.drive, mass, identified
+        ),
         "identified": identified,
     }
     untold = basis.drive == "collective"
     out = []
     for number, log in enumerate(logs):
-        model, own = adapted(found, log, parts[number] if parts else (0.0, 1.0), rows)
-        for name, v in own.items():
+        model, parameters = adapted(
+            identification, log, parts[number] if parts else (0.0, 1.0), rows
+        )
+        for name, v in parameters.items():
             e = model.residual(v)[model.flight.good]
             force = mass * np.sqrt(np.mean(e[:, 0:3] ** 2, axis=0))
             torque = np.sqrt(np.mean((e[:, 3:6] @ J.T) ** 2, axis=0))
@@ -213,7 +219,10 @@ def held_out(
 
 
 def adapted(
-    found: Identification, log: FlightLog, part: tuple[float, float], rows: Mapping[str, Values]
+    identification: Identification,
+    log: FlightLog,
+    part: tuple[float, float],
+    rows: Mapping[str, Values],
 ) -> tuple[FlightModel, dict[str, Values]]:
     """Return the part of a flight that is scored, and parameters with the flight's own as its first
     seconds tell them.
@@ -222,10 +231,12 @@ def adapted(
         part: share of the flight that counts, first and last [1].
     """
     first, last = part
-    flight = signals(log, found.prior.unmixer, found.basis.drive)
-    frame = found.basis.frame
+    flight = signals(log, identification.prior.unmixer, identification.basis.drive)
+    frame = identification.basis.frame
     begin = first + min(ADAPTED / (log.t[-1] - log.t[0]), LARGEST_SHARE * (last - first))
     early = FlightModel(flight.part(first, begin), frame)
-    layouts = {n: Layout((), found.estimate.layout.own, 1, v) for n, v in rows.items()}
-    own = {n: layout.values(estimate([early], layout).z, 0) for n, layout in layouts.items()}
-    return FlightModel(flight.part(begin, last), frame), own
+    layouts = {
+        n: Layout((), identification.estimate.layout.per_flight, 1, v) for n, v in rows.items()
+    }
+    parameters = {n: layout.values(estimate([early], layout).z, 0) for n, layout in layouts.items()}
+    return FlightModel(flight.part(begin, last), frame), parameters

@@ -68,7 +68,7 @@ def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
         flights, held = [open_flights(path)[0][0] for path in paths], int(name.split("/")[1])
         train = [flights[(held + 1) % len(flights)]]
         test = [flights[held]]
-        return summary(diagnose(published_vehicle(), train, test, adaptive_split=False).as_json())
+        return summary(diagnose(train, test, published_vehicle(), adaptive_split=False).as_json())
     simulator, quality, draw = golden_cases()[name]
     with tempfile.TemporaryDirectory() as scratch:
         cases, truth = Path(scratch) / "cases", Path(scratch) / "truth"

@@ -225,5 +225,5 @@ def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
     (`Diagnosis.refit`).
     """
     vehicle, train, held_out = open_case(folder)
-    found = diagnose(vehicle, train, held_out, DrakeReplay(vehicle) if replay else None)
+    found = diagnose(train, held_out, vehicle, DrakeReplay(vehicle) if replay else None)
     return (found.refit or found).as_json()

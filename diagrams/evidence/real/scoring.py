@@ -149,9 +149,9 @@ def score_case(
     if answers is None:
         replayed = DrakeReplay(vehicle) if replay else None
         diagnosis = diagnose(
-            vehicle,
             train,
             campaign.open_flights(case.held_out),
+            vehicle,
             replayed,
             adaptive_split=case.second,
             before=campaign.logs(case.before),

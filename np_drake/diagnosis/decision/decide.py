@@ -1,8 +1,8 @@
 """The decision: which effects of the best model are causes.
 
 An effect is a cause if it acts, its size is material to the motion, and it predicts flights and
-blocks of time that did not fit it. `judge` has these factors in the order of docs/theory.md; a
-`Judgement` says which of them a candidate fell by.
+blocks of time that did not fit it. `decide_term` has these factors in the order of docs/theory.md;
+a `TermDecision` says which of them a candidate fell by.
 """
 
 import dataclasses as dc
@@ -13,7 +13,7 @@ import scipy
 
 from np_drake import attitude
 from np_drake.diagnosis.calibration import healthy_spread
-from np_drake.diagnosis.decision.support import Support, support_of
+from np_drake.diagnosis.decision.predictive_evidence import PredictiveGain, predictive_evidence
 from np_drake.diagnosis.fitting import (
     LOADS,
     Fit,
@@ -43,13 +43,13 @@ MOST_ALTERNATIVES = 2  # effects named as indistinguishable from a cause
 
 
 @dc.dataclass(frozen=True)
-class Judgement:
+class TermDecision:
     """Factors by which a term of the best model is a cause, in the order of docs/theory.md.
 
     in_model: probability that it acts, against other effects and generic structure in its place
         [1].
     material: probability that its size is more than practically none, given that it acts [1].
-    support: its gain in prediction; None: not asked.
+    gain: its gain in prediction; None: not asked.
     stands_for: why its parameters are not physical; empty where they are.
     size: at the fit.
     timing: deviation of the time at which commands act, of an effect that shifts it; else 0 [s].
@@ -57,7 +57,7 @@ class Judgement:
 
     in_model: float
     material: float
-    support: Support | None
+    gain: PredictiveGain | None
     stands_for: str
     size: Size
     timing: float = 0.0
@@ -65,14 +65,14 @@ class Judgement:
     @property
     def probability(self) -> float:
         """Probability of a cause [1]."""
-        predicts = 1.0 if self.support is None else self.support.factor
+        predicts = 1.0 if self.gain is None else self.gain.factor
         return 0.0 if self.stands_for else self.in_model * self.material * predicts
 
     @property
     def is_open(self) -> bool:
         """Whether it may act as well as commands that act late, which the logs leave open."""
         return self.timing > 0 and not (
-            self.support is None or self.support.contradicted or self.stands_for
+            self.gain is None or self.gain.contradicted or self.stands_for
         )
 
     @property
@@ -82,36 +82,36 @@ class Judgement:
             f"not sure, {probability(self.in_model)}": self.in_model,
             "immaterial": self.material,
         }
-        if (support := self.support) is not None:
-            if support.contradicted and not self.stands_for:
-                return support.reason
-            predicts = support.reason
+        if (gain := self.gain) is not None:
+            if gain.contradicted and not self.stands_for:
+                return gain.reason
+            predicts = gain.reason
             if self.is_open:
                 predicts = (
                     f"not told from the time at which commands act, which the logs leave open by "
-                    f"{measure(self.timing, 's', 2)} ({support.gained})"
+                    f"{measure(self.timing, 's', 2)} ({gain.gained})"
                 )
-            factors[predicts] = support.probability
+            factors[predicts] = gain.probability
         return self.stands_for or min(factors, key=lambda why: factors[why])
 
 
-def judge(
+def decide_term(
     ranking: Ranking,
-    margins: Sequence[float],
-    held: HeldOut,
+    log_odds: Sequence[float],
+    held_out: HeldOut,
     i: int,
     *,
     same: Sequence[str] = (),
-    support: Support | None = None,
+    gain: PredictiveGain | None = None,
     gusts: bool = False,
-) -> Judgement:
-    """Judge term i of the best model.
+) -> TermDecision:
+    """Decide whether term i of the best model is a cause.
 
     Args:
-        margins: of every term, its log odds against generic structure in its place
-            (`LinearModel.margins`) [nat].
+        log_odds: of every term, its log odds against generic structure in its place
+            (`LinearModel.log_odds`) [nat].
         same: effects that cannot be told from term i, whose probability is added.
-        support: its gain in prediction; None: not asked.
+        gain: its gain in prediction; None: not asked.
         gusts: whether the slow force is that of gusts. The drag through which they act is material
             and stands for nothing else; its prior is that of gusts against structure that is no
             effect.
@@ -124,36 +124,36 @@ def judge(
 
     # 1. In the model: the share of evidence, times the odds against generic structure.
     named = sum(ranking.probability.get(name, 0.0) for name in (effect.identifier, *same))
-    brought = priors.generic - priors.of_effect(DRAG) if through_drag else 0.0
-    in_model = min(1.0, named) * float(scipy.special.expit(margins[i] + brought))
+    prior_gain = priors.generic - priors.of_effect(DRAG) if through_drag else 0.0
+    in_model = min(1.0, named) * float(scipy.special.expit(log_odds[i] + prior_gain))
 
     # 2. Material: the size is outside the region of practical equivalence.
     size = size_of(
         ranking,
         i,
         [e for e in flights if not e.earlier],
-        [(e, held.terms[e.name]) for e in held.flights],
+        [(e, held_out.terms[e.name]) for e in held_out.flights],
     )
     if through_drag:
-        return Judgement(in_model, 1.0, None, "", size)
+        return TermDecision(in_model, 1.0, None, "", size)
     material = probably_material(ranking, i, size)
 
-    # 3. Predicts: `support`, halved where held-out flights contradict it. 4. Zero, where no vehicle
+    # 3. Predicts: the gain, halved where held-out flights contradict it. 4. Zero, where no vehicle
     # can have such parameters.
     stands_for = impossible(fit, i, flights[0].vehicle, greatest_height(flights))
     timing = ranking.options.tolerance.timing * effect.shifts_commands
-    return Judgement(in_model, material, support, stands_for, size, timing)
+    return TermDecision(in_model, material, gain, stands_for, size, timing)
 
 
 def decide(
-    ranking: Ranking, margins: Sequence[float], held: HeldOut, *, gusts: bool = False
+    ranking: Ranking, log_odds: Sequence[float], held_out: HeldOut, *, gusts: bool = False
 ) -> tuple[list[Cause], list[ResidualFinding]]:
     """Return the causes among the effects of the best model, and the others as findings below their
     threshold.
 
-    margins: log odds of every term against generic structure in its place [nat]. held: the best fit
-    on held-out flights, which gives onsets and sizes there. gusts: whether the slow force is that
-    of gusts; the drag through which they act matters however small it is.
+    log_odds: log odds of every term against generic structure in its place [nat]. held_out: the
+    best fit on held-out flights, which gives onsets and sizes there. gusts: whether the slow force
+    is that of gusts; the drag through which they act matters however small it is.
     """
     fit = ranking.best
     problem = ranking.problem
@@ -161,31 +161,33 @@ def decide(
     members = {names_of(problem, m): m for m in reversed(ranking.models)}
     key = names_of_fit(fit)
     same = equivalents(problem, members[key]) if key in members else {}
-    every = [*problem.flights, *held.flights]
-    rotors = named_rotors([e.log for e in every], every[0].vehicle)
+    flights = [*problem.flights, *held_out.flights]
+    rotors = named_rotors([e.log for e in flights], flights[0].vehicle)
     causes = []
     minor = []
-    for i, (term, support) in enumerate(zip(fit.terms, support_of(ranking, held), strict=True)):
+    for i, (term, gain) in enumerate(
+        zip(fit.terms, predictive_evidence(ranking, held_out), strict=True)
+    ):
         name = term.effect.identifier
         effect = term.effect
         # What is in all refined models that are probable has no rival, whatever its columns say.
         room = 1.0 - ranking.probability.get(name, 0.0)
         has_rivals = room > np.exp(-options.thresholds.indistinguishable_evidence)
         others = same.get(name, ()) if has_rivals else ()
-        found = judge(ranking, margins, held, i, same=others, support=support, gusts=gusts)
+        decision = decide_term(ranking, log_odds, held_out, i, same=others, gain=gain, gusts=gusts)
         vehicle = problem.flights[0].vehicle
         parameters = estimates(fit, i, vehicle, options)
         rotor = rotors[round(effect.values["rotor"]) - 1] if "rotor" in effect.values else None
-        if found.probability >= options.thresholds.cause_probability:
-            there = {e.name: held.terms.get(e.name, fit.everything)[i] for e in every}
+        if decision.probability >= options.thresholds.cause_probability:
+            there = {e.name: held_out.terms.get(e.name, fit.everything)[i] for e in flights}
             causes.append(
                 Cause(
                     name,
-                    found.probability,
+                    decision.probability,
                     parameters,
                     {flight: now.begins(flight) for flight, now in there.items()},
                     others,
-                    found.size.gap,
+                    decision.size.gap,
                     effect,
                     changed=has_changed(ranking, i),
                     rotor=rotor,
@@ -194,14 +196,14 @@ def decide(
                 )
             )
         else:
-            minor.append(_finding(effect, parameters, found, rotor))
+            minor.append(_finding(effect, parameters, decision, rotor))
     return without_missing_drag(causes, minor)
 
 
 def _finding(
     effect: Effect,
     parameters: Mapping[str, Estimate],
-    found: Judgement,
+    decision: TermDecision,
     rotor: RotorName | None = None,
 ) -> ResidualFinding:
     """Return what is said of an effect that is no cause; rotor: what its rotor is called."""
@@ -209,15 +211,15 @@ def _finding(
         n: "share" if effect.shares and e.unit == "1" else e.unit for n, e in parameters.items()
     }
     values = ", ".join(f"{n} {measure(e.value, units[n], 3)}" for n, e in parameters.items())
-    size = found.size
+    size = decision.size
     shares = f"{percent(size.force)} of weight, {percent(size.torque)} of torque"
-    figures = {"force": size.force, "torque": size.torque, "probability": found.probability}
-    if found.is_open:
-        figures["timing"] = found.timing
+    figures = {"force": size.force, "torque": size.torque, "probability": decision.probability}
+    if decision.is_open:
+        figures["timing"] = decision.timing
     if rotor:
         values = values.replace(f"rotor {rotor.number}", str(rotor))
     return ResidualFinding(
-        effect.identifier, f"{values}: {found.reason} ({shares})", size.gap, figures
+        effect.identifier, f"{values}: {decision.reason} ({shares})", size.gap, figures
     )
 
 
@@ -230,21 +232,22 @@ def equivalents(problem: RegressionProblem, model: Model) -> dict[str, tuple[str
     close = model.score - problem.options.thresholds.indistinguishable_evidence
     out: dict[str, tuple[str, ...]] = {}
     for i in model.members:
-        own = problem.candidates[i]
+        candidate = problem.candidates[i]
         rest = tuple(j for j in model.members if j != i)
-        if own.generic or problem.score(rest) > close:
+        if candidate.generic or problem.score(rest) > close:
             continue
-        found: dict[str, float] = {}
+        scores: dict[str, float] = {}
         for k, other in enumerate(problem.candidates):
-            shared = set(other.identifiers) & set(own.identifiers)
+            shared = set(other.identifiers) & set(candidate.identifiers)
             if other.generic or shared or not problem.fits_together((*rest, k)):
                 continue
             score = problem.score((*rest, k))
             name = other.identifiers[-1]
-            if score > max(close, found.get(name, -np.inf)):
-                found[name] = score
+            if score > max(close, scores.get(name, -np.inf)):
+                scores[name] = score
         out |= dict.fromkeys(
-            own.identifiers, tuple(sorted(found, key=lambda n: -found[n])[:MOST_ALTERNATIVES])
+            candidate.identifiers,
+            tuple(sorted(scores, key=lambda n: -scores[n])[:MOST_ALTERNATIVES]),
         )
     return out
 
@@ -269,13 +272,13 @@ def estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> dict[str,
 
 def load_estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> tuple[Estimate, ...]:
     """Return the mass of a payload after each of its changes [kg], as `estimates` does."""
-    found = list[Estimate]()
+    masses = list[Estimate]()
     for k, load in enumerate(fit.terms[i].loads):
         heavy = SuspendedPayload(**{**fit.terms[i].effect.values, "mass": load})
         half = half_width(fit, i, LOADS, k)
         value, half = _of_pendulum(fit, i, "mass", half, heavy, vehicle, options)
-        found.append(Estimate(value, "kg", (value - half, value + half)))
-    return tuple(found)
+        masses.append(Estimate(value, "kg", (value - half, value + half)))
+    return tuple(masses)
 
 
 def _of_pendulum(
@@ -353,12 +356,14 @@ def joint_posterior(fit: Fit, causes: Sequence[Cause]) -> Posterior:
         )
         for f in fit.free
     ]
-    own = [k for k, name in enumerate(names) if reported.get(name, 0.0) > 0]
-    scale = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 1e-300))
-    deviation = np.array([reported[names[k]] for k in own])
-    covariance = fit.covariance[np.ix_(own, own)] * np.outer(deviation / scale, deviation / scale)
+    free_indices = [k for k, name in enumerate(names) if reported.get(name, 0.0) > 0]
+    scale = np.sqrt(np.maximum(np.diag(fit.covariance)[free_indices], 1e-300))
+    deviation = np.array([reported[names[k]] for k in free_indices])
+    covariance = fit.covariance[np.ix_(free_indices, free_indices)] * np.outer(
+        deviation / scale, deviation / scale
+    )
     return Posterior(
-        [".".join(names[k]) for k in own], (0.5 * (covariance + covariance.T)).tolist()
+        [".".join(names[k]) for k in free_indices], (0.5 * (covariance + covariance.T)).tolist()
     ).check()
 
 
@@ -402,12 +407,12 @@ def size_of(
     torques = [e.nominal[:, 3:] for e in (*flights, *(e for e, _ in unseen))]
     command = np.concatenate([tau - tau.mean(axis=0) for tau in torques])
     y = np.concatenate([e.y for e in flights])
-    own, gap = (float(np.sum((x[:, known] / rms[known]) ** 2)) for x in (here, y))
+    term_power, gap = (float(np.sum((x[:, known] / rms[known]) ** 2)) for x in (here, y))
     effect = fit.terms[i].effect
     return Size(
         float(np.linalg.norm(part[:, FORCE]) / np.sqrt(len(part))) / flights[0].weight,
         float(np.linalg.norm(part[:, TORQUE])) / max(float(np.linalg.norm(command)), 1e-6),
-        own / max(gap - len(y) * int(known.sum()), own, 1e-9),
+        term_power / max(gap - len(y) * int(known.sum()), term_power, 1e-9),
         float(np.linalg.norm(list(effect.values.values())))
         / max(ranking.options.tolerance.of(effect), 1e-9),
     )
@@ -435,7 +440,7 @@ def probably_material(ranking: Ranking, i: int, size: Size) -> float:
     outside = (
         posterior.material(size, options),
         posterior.beyond(healthy_spread(effect, flights[-1], options.tolerance, changed=changed)),
-        posterior.blows(options),
+        posterior.wind(options),
     )
     # Their product: what two bounds leave in doubt is not sure of either.
     return float(np.prod(np.mean(outside, axis=1)))
@@ -453,11 +458,11 @@ class SizePosterior:
         self._i = i
         self._flights = flights
         self._term = fit.terms[i]
-        own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
-        self._free = [fit.free[k] for k in own]
-        self._values = fit.values[own]
+        indices = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
+        self._free = [fit.free[k] for k in indices]
+        self._values = fit.values[indices]
         self.draws = np.random.default_rng(SEED).multivariate_normal(
-            self._values, fit.covariance[np.ix_(own, own)], DRAWS
+            self._values, fit.covariance[np.ix_(indices, indices)], DRAWS
         )
 
     def _places(self, names: Collection[str]) -> list[int]:
@@ -468,21 +473,23 @@ class SizePosterior:
 
         It is the RMS of what the term's parameters predict, linear in their distance from none.
         """
-        own = self._places([LOADS, *(p.name for p in self._term.effect.parameters if p.vanishes)])
-        if not own:
+        columns = self._places(
+            [LOADS, *(p.name for p in self._term.effect.parameters if p.vanishes)]
+        )
+        if not columns:
             return np.ones(len(self.draws))
-        free = [self._free[k] for k in own]
+        free = [self._free[k] for k in columns]
         scale, neutral = np.array([(f.scale, f.neutral) for f in free]).T
         # The squared size is the quadratic form d' P d of the distance d from none, P = sum J'J
         # over the flights.
         terms = self._fit.everything
         J = [scaled_jacobian(terms, free, e)[:, WRENCH] / scale for e in self._flights]
-        flat = np.concatenate(J).reshape(-1, len(own))
+        flat = np.concatenate(J).reshape(-1, len(columns))
         power = flat.T @ flat
         if not power.any():  # a sensor error that no wrench shows
             power = np.diag(scale**-2.0)
-        away = self.draws[:, own] - neutral
-        at_fit = self._values[own] - neutral
+        away = self.draws[:, columns] - neutral
+        at_fit = self._values[columns] - neutral
         squares = np.einsum("ni,ij,nj->n", away, power, away)
         return np.sqrt(np.maximum(squares, 0.0) / max(float(at_fit @ power @ at_fit), 1e-300))
 
@@ -514,14 +521,14 @@ class SizePosterior:
         Args:
             spread: usual value and deviation of parameters by name; empty: there is no such thing.
         """
-        own = self._places(spread)
-        if not own:
+        columns = self._places(spread)
+        if not columns:
             return np.ones(len(self.draws), bool)
-        usual, deviation = np.array([spread[self._free[k].name] for k in own]).T
-        away = (self.draws[:, own] - usual) / deviation
-        return np.linalg.norm(away, axis=1) > scipy.stats.chi.isf(ODDS, len(own))
+        usual, deviation = np.array([spread[self._free[k].name] for k in columns]).T
+        away = (self.draws[:, columns] - usual) / deviation
+        return np.linalg.norm(away, axis=1) > scipy.stats.chi.isf(ODDS, len(columns))
 
-    def blows(self, options: Options) -> np.ndarray:
+    def wind(self, options: Options) -> np.ndarray:
         """Return which draws (n,) are more than still air, where the term is a wind.
 
         The mean level wind is faster than a draught, and pushes harder than an attitude error that

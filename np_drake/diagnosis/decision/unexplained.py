@@ -62,10 +62,12 @@ class LinearModel:
             columns = [J @ root, *(c.columns[e.name] for c in (*drifting, *self.structure))]
             grams.append(e.gram(ranking.noise, columns, target))
         self._total = reduce(add, grams).tempered(problem.temperature)
-        self._own = {i: [k for k, f in enumerate(free) if f.term == i] for i in range(len(now))}
+        self._term_columns = {
+            i: [k for k, f in enumerate(free) if f.term == i] for i in range(len(now))
+        }
         first = len(free) + sum(c.size for c in drifting)
         self._nuisance = np.arange(len(free), first)
-        self._columns = [np.r_[own] for own in places((c.size for c in self.structure), first)]
+        self._columns = [np.r_[place] for place in places((c.size for c in self.structure), first)]
 
     def evidence(self, without: Collection[int] = (), structure: Sequence[int] = ()) -> float:
         """Return the log evidence, priors of structure included, without some terms and with some
@@ -81,34 +83,34 @@ class LinearModel:
         """Return the log evidence with the structure that describes the rest best, and that
         structure, by forward selection from `first`, one variant of each kind.
         """
-        found = tuple(first)
+        selected = tuple(first)
         best = self.evidence(without, first)
         while True:
-            known = {self.structure[g].identifiers for g in found}
+            known = {self.structure[g].identifiers for g in selected}
             open_ = (g for g, c in enumerate(self.structure) if c.identifiers not in known)
             gain, g = max(
-                ((self.evidence(without, (*found, g)), g) for g in open_), default=(-np.inf, -1)
+                ((self.evidence(without, (*selected, g)), g) for g in open_), default=(-np.inf, -1)
             )
             if gain <= best:
-                return best, found
-            found = (*found, g)
+                return best, selected
+            selected = (*selected, g)
             best = gain
 
-    def margins(self, structure: Sequence[int]) -> list[float]:
+    def log_odds(self, structure: Sequence[int]) -> list[float]:
         """Return the log odds of every term, priors included, against structure of any kind in its
         place [nat].
         """
         names = [t.effect.identifier for t in self.fit.terms]
-        found = []
+        log_odds = []
         evidence = self.evidence((), structure)
         prior = prior_of(names, self._priors)
         for i in range(len(names)):
             gone = with_dependants(self.fit.terms, i)
-            left = [name for k, name in enumerate(names) if k not in gone]
+            remaining = [name for k, name in enumerate(names) if k not in gone]
             others = max(self.select_structure(gone)[0], self.select_structure(gone, structure)[0])
-            brought = prior - prior_of(left, self._priors) + self.fit.onset_prior_of(i)
-            found.append(evidence - others + brought)
-        return found
+            prior_odds = prior - prior_of(remaining, self._priors) + self.fit.onset_prior_of(i)
+            log_odds.append(evidence - others + prior_odds)
+        return log_odds
 
     def part(self, structure: Sequence[int], g: int, e: FlightResiduals) -> np.ndarray:
         """Return the part (m, 15) of structure g in the channels of a flight, beside the rest of
@@ -119,7 +121,7 @@ class LinearModel:
         return self.structure[g].columns[e.name] @ mean[np.isin(index, self._columns[g])]
 
     def _index(self, without: Collection[int], structure: Sequence[int]) -> np.ndarray:
-        kept = [k for i, own in self._own.items() if i not in without for k in own]
+        kept = [k for i, columns in self._term_columns.items() if i not in without for k in columns]
         return np.concatenate(
             [np.array(kept, int), self._nuisance, *(self._columns[g] for g in structure)]
         )
@@ -298,7 +300,7 @@ class Indication(NamedTuple):
 
 
 def find_unexplained(
-    ranking: Ranking, linear: LinearModel, structure: Sequence[int], held: HeldOut
+    ranking: Ranking, linear: LinearModel, structure: Sequence[int], held_out: HeldOut
 ) -> tuple[list[Indication], Indication]:
     """Return the generic structure (positions) beside the best model and what the tests find in the
     residual of all flights, and a slow level force, which may be that of gusts.
@@ -307,38 +309,38 @@ def find_unexplained(
     best = ranking.best
     flights = ranking.problem.flights
     residual = {e.name: best.residual(e) for e in flights}
-    swung = {e.name: held.swing_free_residual(e) for e in held.flights}
+    swung = {e.name: held_out.swing_free_residual(e) for e in held_out.flights}
     hidden = any(t.effect.has_hidden_state for t in best.terms)
-    slowly = gust_probability(flights, residual, held.flights, swung, options, hidden=hidden)
+    slowly = gust_probability(flights, residual, held_out.flights, swung, options, hidden=hidden)
     both = residual | swung
     tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
     commanded = float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
     # Least RMS force [N] and torque [N·m] of material structure.
     least = options.materiality.force * flights[0].weight, options.materiality.torque * commanded
-    said = [_indication(linear, structure, g, options, least) for g in structure]
+    indications = [_indication(linear, structure, g, options, least) for g in structure]
     # A payload, whose swing may be lost, and gusts burst as well.
     if not (hidden or slowly > 0.5):
-        said.append(burst_test([*flights, *held.flights], both, options, least[0]))
-    said.append(_line_test(flights, held.flights, both, options, least))
+        indications.append(burst_test([*flights, *held_out.flights], both, options, least[0]))
+    indications.append(_line_test(flights, held_out.flights, both, options, least))
     # A material slow torque that held-out flights show as well; hidden: whether a swing may
     # have been lost.
     shown = options.thresholds.held_out_share
     limit = options.thresholds.slow_torque_ratio
     ratio, share, rms, axis = slow_torque(flights, both)
     large = rms > least[1] and (share > shown or not hidden)
-    again = slow_torque(held.flights, both)[0] > shown * limit
+    again = slow_torque(held_out.flights, both)[0] > shown * limit
     probability = _above(ratio, limit) if large and again else 0.0
     figures = {"ratio": ratio}
     measurement = "hover for a minute with rotor speed logged"
     finding = ResidualFinding(
         "slow torque", "a torque that comes and goes", ratio, figures, measurement
     )
-    said.append(
+    indications.append(
         Indication.of(
             probability, finding, flights, [_slow_part(e, both, [3 + axis]) for e in flights]
         )
     )
-    return said, Indication.of(
+    return indications, Indication.of(
         slowly, SLOW_FORCE, flights, [_slow_part(e, residual, [0, 1]) for e in flights]
     )
 
@@ -392,12 +394,12 @@ def burst_test(
         force = low_pass(residual[e.name][:, FORCE], e.grid.step, BRIEF)[inside]
         parts.append(force - np.median(force, axis=0))
         times += [(e.name, t) for t in e.t[inside].tolist()]
-    every = np.abs(np.concatenate(parts))
-    usual = NORMAL * np.median(every, axis=0)
-    ratio = np.divide(every, usual, out=np.zeros_like(every), where=usual > 0)
+    sizes = np.abs(np.concatenate(parts))
+    usual = NORMAL * np.median(sizes, axis=0)
+    ratio = np.divide(sizes, usual, out=np.zeros_like(sizes), where=usual > 0)
     row, axis = map(int, np.unravel_index(np.argmax(ratio), ratio.shape))
     flight, time = times[row]
-    size = float(every[row, axis])
+    size = float(sizes[row, axis])
     prominence = float(ratio[row, axis])
     probability = _above(prominence, options.thresholds.burst_ratio) if size > least else 0.0
     finding = ResidualFinding(
@@ -476,7 +478,7 @@ ALONE = 0.95  # quantile of the position error that noise alone causes [1]; own 
 def measure_remainder(
     causes: Sequence[Cause],
     noise: NoiseModel,
-    held: HeldOut,
+    held_out: HeldOut,
     indications: Sequence[Indication],
     options: Options,
 ) -> Remainder:
@@ -487,10 +489,10 @@ def measure_remainder(
 
     indications: of structure that no effect explains, whose power the noise model holds.
     """
-    flights = held.flights
+    flights = held_out.flights
     named = {c.identifier for c in causes}
     before = {e.name: e.against_file for e in flights}
-    after = held.left(named)
+    after = held_out.remaining_residuals(named)
     # Of gusts the slow force is explained, though no simulator foresees it.
     for e in flights if GustyWind.identifier in named else ():
         after[e.name][:, FORCE] -= low_pass(after[e.name][:, FORCE], e.grid.step, BRIEF)
@@ -500,29 +502,29 @@ def measure_remainder(
     likely = np.array([i.probability for i in indications])
     there = rng.uniform(size=(DRAWS, len(indications))) < likely
     # What the noise holds is no larger than the noise, however large a part is that others cancel.
-    whole = np.reshape([i.power for i in indications], (-1, 6))
-    powers = np.minimum(whole, power)
+    uncapped = np.reshape([i.power for i in indications], (-1, 6))
+    powers = np.minimum(uncapped, power)
     materiality = options.materiality
     vehicle = flights[0].vehicle
     drift = np.zeros(6)
     drift[:2] = (options.tolerance.attitude * flights[0].weight) ** 2
     squares = [
-        np.stack([y[name][own, WRENCH] ** 2 for y in (before, after)], axis=1)
-        for name, own in held.rows.items()
+        np.stack([y[name][rows, WRENCH] ** 2 for y in (before, after)], axis=1)
+        for name, rows in held_out.rows.items()
     ]
     excess = _drawn_means(squares, round(BLOCK / flights[0].grid.step), rng) - power - drift
 
     # Draws before and after, of sizes with that of the mean behind them: power over noise [1],
     # force [N], torque [N·m].
     structure = np.minimum(there @ (powers @ scale), power @ scale)
-    gap, left = (np.maximum(excess @ scale, 0.0) + structure[:, None]).T
+    gap, remaining = (np.maximum(excess @ scale, 0.0) + structure[:, None]).T
     beyond = np.maximum(_with_mean(excess), 0.0) + _with_mean(there @ powers)[:, None]
     force, torque = (np.sqrt(beyond[..., part].sum(axis=-1)) for part in (FORCE, TORQUE))
 
     # Position error [m], beyond that of noise, of slow errors of the attitude, and with structure.
-    starts, by_noise = _position_errors(held, (before, after), noise)
+    starts, by_noise = _position_errors(held_out, (before, after), noise)
     tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / vehicle.mass) ** 2
-    held_share = powers @ scale / np.maximum(whole @ scale, 1e-300)
+    held_share = powers @ scale / np.maximum(uncapped @ scale, 1e-300)
     hidden = there @ (held_share * [i.position for i in indications])
     hidden = _with_mean(np.minimum(hidden, np.mean(by_noise)))[:, None]
     moved = _with_mean(_drawn_means(starts, round(BLOCK / STARTS), rng))
@@ -531,22 +533,22 @@ def measure_remainder(
     tells = alone < vehicle.gravity * HORIZON**2 / 12  # of a constant torque, a radian [m]
 
     least = materiality.remaining_force * flights[0].weight
-    found = Remainder(
+    remainder = Remainder(
         force=float(force[-1, 1]),
         torque=float(torque[-1, 1]),
         position=float(position[-1, 1]) if tells else np.nan,
         position_before=float(position[-1, 0]),
         noise=alone,
     )
-    large_before = force[-1, 0] >= least or found.position_before >= materiality.position
+    large_before = force[-1, 0] >= least or remainder.position_before >= materiality.position
     if not (np.quantile(gap, SURE_GAP) > 0 and large_before):
-        return found
-    shares = np.maximum(left / np.maximum(gap, 1e-12), NEVER_LESS)
+        return remainder
+    shares = np.maximum(remaining / np.maximum(gap, 1e-12), NEVER_LESS)
     large = (force[:-1, 1] > least) | (position[:-1, 1] > materiality.position)
     material = (shares > TOO_MUCH) | (large & (shares > NOTHING))
     low, high = np.quantile(shares, [0.025, 0.975])
     return dc.replace(
-        found,
+        remainder,
         share=float(np.median(shares)),
         ci95=(float(low), float(high)),
         probability=float(np.mean(material)),
@@ -576,7 +578,7 @@ def _drawn_means(parts: Sequence[np.ndarray], size: int, rng: np.random.Generato
 
 
 def _position_errors(
-    held: HeldOut, wrenches: Sequence[Mapping[str, np.ndarray]], noise: NoiseModel
+    held_out: HeldOut, wrenches: Sequence[Mapping[str, np.ndarray]], noise: NoiseModel
 ) -> tuple[list[np.ndarray], np.ndarray]:
     """Return by flight the squared position errors (k, 2) that wrenches cause beyond those of
     noise, and those of noise alone (n,) [m²]; none and infinite where no start is left.
@@ -584,8 +586,8 @@ def _position_errors(
     rng = np.random.default_rng(SEED)
     moved = []
     by_noise = []
-    for e in held.flights:
-        rows = held.rows[e.name] | e.outliers  # which are interpolated
+    for e in held_out.flights:
+        rows = held_out.rows[e.name] | e.outliers  # which are interpolated
         chance = np.array(
             [
                 squared_position_errors(e, _noise_of(noise, len(e.t), rng), rows)
@@ -597,10 +599,10 @@ def _position_errors(
         )
         moved.append((seen - chance.mean(axis=0)).T)
         by_noise.append(chance.ravel())
-    found = np.concatenate(by_noise)
-    if not len(found):
+    noise_errors = np.concatenate(by_noise)
+    if not len(noise_errors):
         return [np.zeros((1, len(wrenches)))], np.array([np.inf])
-    return moved, found
+    return moved, noise_errors
 
 
 def _noise_of(noise: NoiseModel, rows: int, rng: np.random.Generator) -> np.ndarray:

@@ -111,7 +111,7 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
     lacks = {quantity for e in flights for quantity in e.log.lacks}
     measured = flights[0].log.input == "rotor_speed"
     words = ROTOR_WORDS if measured else WORDS
-    found = []
+    candidates = []
     for name, pushes, needed in (
         ("rates", _damping, ""),
         ("side force", _side_force, "velocity"),
@@ -124,7 +124,7 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
     ):
         if needed not in lacks:
             text, measurement = GROUPS[name]
-            found.append(
+            candidates.append(
                 _candidate(
                     flights, states, priors, name, (text.format(**words), measurement), pushes
                 )
@@ -142,14 +142,21 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
         ("twist", words["torque"], still, TWISTS, partial(_twist, priors=priors)),
     ):
         for f in frequencies:
-            said = (f"an answer to {driven} with a resonance near {f:.3g} Hz", measurement)
+            description = (f"an answer to {driven} with a resonance near {f:.3g} Hz", measurement)
             prior = -math.log(len(frequencies))
-            found.append(
+            candidates.append(
                 _candidate(
-                    flights, states, priors, name, said, resonance(f), prior, {"frequency": f}
+                    flights,
+                    states,
+                    priors,
+                    name,
+                    description,
+                    resonance(f),
+                    prior,
+                    {"frequency": f},
                 )
             )
-    return found
+    return candidates
 
 
 def _candidate(
@@ -157,13 +164,13 @@ def _candidate(
     states,
     priors: Priors,
     name,
-    said: tuple[str, str],
+    description: tuple[str, str],
     pushes: Pushes,
     log_prior=0.0,
     figures=None,
 ) -> Candidate:
-    """Return a group as a candidate; `said` is what it is, and the measurement that would end
-    it.
+    """Return a group as a candidate; `description` is what it is, and the measurement that would
+    end it.
     """
 
     def columns(e: FlightResiduals) -> np.ndarray:
@@ -176,13 +183,13 @@ def _candidate(
 
     return Candidate(
         (PREFIX + name,),
-        said[0],
+        description[0],
         {e.name: columns(e) for e in flights},
         lambda c: [],
         log_prior,
         generic=columns,
         figures=figures or {},
-        measurement=said[1],
+        measurement=description[1],
     )
 
 
@@ -243,8 +250,8 @@ def _coupling(s: FlightState) -> np.ndarray:
     tau = s.u[:, 1:] / (np.std(s.u[:, 1:], axis=0) + 1e-9)
     parts = [_each(np.concatenate([f, rate], axis=1), [3, 4, 5])]
     for i in range(3):
-        own = np.sign(np.gradient(tau[:, i]))[:, None] * 0.5
-        parts.append(_each(np.concatenate([np.delete(tau, i, axis=1), own], axis=1), [3 + i]))
+        direction = np.sign(np.gradient(tau[:, i]))[:, None] * 0.5
+        parts.append(_each(np.concatenate([np.delete(tau, i, axis=1), direction], axis=1), [3 + i]))
     return np.concatenate(parts, axis=2)
 
 

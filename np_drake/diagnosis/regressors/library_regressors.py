@@ -90,7 +90,7 @@ def library_candidates(
     Args:
         onset: onsets by flight [s]; effects that cannot begin in flight are then left out.
     """
-    found: list[Candidate] = []
+    candidates: list[Candidate] = []
     stages: dict[str, Stages] = {e.name: {} for e in flights}
     before = any(e.earlier for e in flights)
     # A load that is taken up in flight shows, however heavy the vehicle was before; and so does
@@ -101,13 +101,13 @@ def library_candidates(
         for name, why in hidden_from(flights).items()
         if why != THRUST or not (name in shown or effect_of(name).sudden)
     }
-    beside = any(e.log.neighbours for e in flights)
-    tried = effects_for(flights[0].log.input, neighbours=beside, before=before)
+    has_neighbours = any(e.log.neighbours for e in flights)
+    tried = effects_for(flights[0].log.input, neighbours=has_neighbours, before=before)
     for identifier, effect in tried.items():
         elsewhere = effect.needs or effect.has_hidden_state
         if not elsewhere and identifier not in hidden and (effect.begins or not onset):
-            found += _effect_candidates(effect, flights, onset or {}, stages)
-    return found
+            candidates += _effect_candidates(effect, flights, onset or {}, stages)
+    return candidates
 
 
 def _effect_candidates(
@@ -121,7 +121,9 @@ def _effect_candidates(
     """
     stages = stages or {e.name: {} for e in flights}
     choices = {p.name: p.choices for p in effect.parameters if p.choices}
-    settings = [dict(zip(choices, some, strict=True)) for some in product(*choices.values())]
+    settings = [
+        dict(zip(choices, combination, strict=True)) for combination in product(*choices.values())
+    ]
     grid = effect.grid(flights[0].vehicle)
     if effect.linear or settings != [{}] or not grid:
         return [_linear(effect, flights, onset, s, len(settings), stages) for s in settings]
@@ -251,11 +253,11 @@ def wind_candidates(
             columns[e.name] = np.concatenate([drag.columns[e.name], extra], axis=-1)
 
         def terms(c: np.ndarray, drag: Candidate = drag) -> list[Term]:
-            (own,) = drag.terms(c[:3])
-            d = {name: max(value, 0.2 * typical) for name, value in own.effect.values.items()}
+            (drag_term,) = drag.terms(c[:3])
+            d = {name: max(value, 0.2 * typical) for name, value in drag_term.effect.values.items()}
             wind = speeds * c[3:] * typical / np.array(list(d.values()))
             return [
-                dc.replace(own, effect=LinearDrag(**d)),
+                dc.replace(drag_term, effect=LinearDrag(**d)),
                 Term(ConstantWind(*np.clip(wind, -14.0, 14.0).tolist()), onset),
             ]
 
@@ -339,8 +341,8 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     )
     timing = command_timing(flights)
     # Where thrust and torque are logged as they act, a stated vehicle is all that is open.
-    told = vehicle.measured and log_input == "command" and timing == 0
-    unmeasured = tolerance.real and not (vehicle.described or told)
+    known_input = vehicle.measured and log_input == "command" and timing == 0
+    unmeasured = tolerance.real and not (vehicle.described or known_input)
     open_: dict[str, Any] = {"timing": max(tolerance.timing, timing)}
     if flights[0].measured_rotors:
         open_["thrust"] = max(tolerance.thrust, ROTOR_SPEED_SCALE)

@@ -24,10 +24,10 @@ def prior_of(identifiers: Iterable[str], priors: Priors) -> float:
     An effect through which another acts, as a wind through drag, adds no cost.
     Source: own choice.
     """
-    every = set(identifiers)
-    needs = [LIBRARY[name].needs for name in every if name in LIBRARY]
-    brought = {next((name for name in some if name in every), "") for some in needs}
-    return sum(priors.of_effect(name) for name in every - brought)
+    named = set(identifiers)
+    needs = [LIBRARY[name].needs for name in named if name in LIBRARY]
+    implied = {next((name for name in alternatives if name in named), "") for alternatives in needs}
+    return sum(priors.of_effect(name) for name in named - implied)
 
 
 class WhiteNuisance:
@@ -152,22 +152,22 @@ class RegressionProblem:
         priors = np.array([self._log_prior(members) for members in sets]) + self._log_probability(
             sets
         )
-        some = np.flatnonzero(np.isfinite(priors)).tolist()
+        possible = np.flatnonzero(np.isfinite(priors)).tolist()
         evidence = np.zeros(len(sets))
-        evidence[some] = self._rest.evidence_of_sets(
-            [[self.columns_of(k) - self._nuisance for k in sets[i]] for i in some],
-            [[self.candidates[k].widens for k in sets[i]] for i in some],
+        evidence[possible] = self._rest.evidence_of_sets(
+            [[self.columns_of(k) - self._nuisance for k in sets[i]] for i in possible],
+            [[self.candidates[k].widens for k in sets[i]] for i in possible],
         )
         return (evidence + priors).tolist()
 
-    def deviations(self, member: int, beside: Sequence[int]) -> np.ndarray:
+    def deviations(self, member: int, others: Sequence[int]) -> np.ndarray:
         """Return the deviation (k,) of a candidate's coefficients as the flights alone tell them,
         beside nuisance and some members.
         """
-        index = np.concatenate([self.columns_of(i) for i in (*beside, member)]) - self._nuisance
+        index = np.concatenate([self.columns_of(i) for i in (*others, member)]) - self._nuisance
         XX = self._rest.XX[np.ix_(index, index)]
-        left = Gram(XX, np.zeros(len(XX))).given(len(XX) - self.candidates[member].size).XX
-        return np.sqrt(np.diag(np.linalg.pinv(left)))
+        marginal = Gram(XX, np.zeros(len(XX))).given(len(XX) - self.candidates[member].size).XX
+        return np.sqrt(np.diag(np.linalg.pinv(marginal)))
 
     def _log_prior(self, members: Sequence[int]) -> float:
         chosen = [self.candidates[i] for i in members]
@@ -180,16 +180,20 @@ class RegressionProblem:
         physical.
         """
         total = np.zeros(len(sets))
-        some = [
+        constrained = [
             k for k, members in enumerate(sets) if any(self.candidates[i].physical for i in members)
         ]
         posteriors = self._rest.posteriors(
-            [self.columns(sets[k])[self._nuisance :] - self._nuisance for k in some]
+            [self.columns(sets[k])[self._nuisance :] - self._nuisance for k in constrained]
         )
-        for k, (mean, covariance) in zip(some, posteriors, strict=True):
+        for k, (mean, covariance) in zip(constrained, posteriors, strict=True):
             chosen = [self.candidates[i] for i in sets[k]]
-            for c, own in zip(chosen, places(c.size for c in chosen), strict=True):
-                total[k] += c.physical(mean[own], covariance[own, own])[1] if c.physical else 0.0
+            for c, columns in zip(chosen, places(c.size for c in chosen), strict=True):
+                total[k] += (
+                    c.physical(mean[columns], covariance[columns, columns])[1]
+                    if c.physical
+                    else 0.0
+                )
         return total
 
     def fits_together(self, members: Sequence[int]) -> bool:
@@ -216,9 +220,9 @@ class Sums(NamedTuple):
     Xy: np.ndarray
     at: np.ndarray
 
-    def rows(self, some: Any) -> "Sums":
+    def rows(self, index: Any) -> "Sums":
         """Return the sums of some rows alone."""
-        return Sums(self.XX[some], self.XB[some], self.Xy[some], self.at)
+        return Sums(self.XX[index], self.XB[index], self.Xy[index], self.at)
 
     def joined(self, others: "Sums", order: Any = slice(None)) -> "Sums":
         """Return these rows and others, in an order."""
@@ -272,24 +276,24 @@ class SwitchedRegressors:
         self._windows = sliding_window_view(padded, self._near, axis=1)
         self.products = np.sum(np.swapaxes(driven, 1, 2) @ self._facing[active], axis=0)
 
-    def whole(self, X: np.ndarray) -> Sums:
+    def suffix_sums(self, X: np.ndarray) -> Sums:
         """Return the sums for columns (m', 15, k) over all rows from each row (m + 1) on, without a
         jump there.
         """
         channels = self._channels(X)
-        own, weighted = self._driven(channels, self._e.bridged(X[:, channels]))
-        by_row = own.transpose(1, 2, 0)
+        driven, weighted = self._driven(channels, self._e.bridged(X[:, channels]))
+        by_row = driven.transpose(1, 2, 0)
         XX, XBy = (by_row @ np.swapaxes(a, 0, 1) for a in (weighted, self._facing[channels]))
         XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in (XX, XBy))
         return Sums(XX, XBy[..., :-1], XBy[..., -1], self.at)
 
-    def begun(self, X: np.ndarray, whole: Sums, rows: np.ndarray) -> Sums:
+    def begun(self, X: np.ndarray, suffix: Sums, rows: np.ndarray) -> Sums:
         """Return the sums for columns (m', 15, k) switched on at each of `rows`, smeared by the
         grid.
 
         Args:
             X: (m', 15, k) columns.
-            whole: their sums from `whole`.
+            suffix: their sums from `suffix_sums`.
             rows: (n,) whitened rows at which they begin.
         """
         half = len(self._rise) // 2
@@ -302,13 +306,13 @@ class SwitchedRegressors:
         late = self._e.bridged(X[:, channels])[near] * gate[:, None, channels, None]
         row = rows - half + np.arange(self._near)[:, None]
         there = ((row >= 0) & (row < m))[..., None]
-        own, weighted = (
+        driven, weighted = (
             np.where(there, part, 0.0).transpose(0, 2, 3, 1)
             for part in self._driven(channels, np.moveaxis(late, 2, 1))
         )
-        XX, XB, Xy, at = whole.rows(np.clip(rows - half + self._near, 0, m))
-        XX += np.sum(own @ np.swapaxes(weighted, 2, 3), axis=0)
-        for part, c in zip(own, channels, strict=True):
+        XX, XB, Xy, at = suffix.rows(np.clip(rows - half + self._near, 0, m))
+        XX += np.sum(driven @ np.swapaxes(weighted, 2, 3), axis=0)
+        for part, c in zip(driven, channels, strict=True):
             XBy = part @ np.swapaxes(self._windows[c][rows], 1, 2)
             XB += XBy[..., :-1]
             Xy += XBy[..., -1]
@@ -327,35 +331,37 @@ class SwitchedRegressors:
             for i, c in enumerate(channels.tolist())
         ]
         shape = (len(parts), len(values) - self._order, *values.shape[2:])
-        own = self._scale * np.reshape(parts, shape)
-        return own, np.tensordot(self._noise.weight[np.ix_(channels, channels)], own, 1)
+        innovations = self._scale * np.reshape(parts, shape)
+        return innovations, np.tensordot(
+            self._noise.weight[np.ix_(channels, channels)], innovations, 1
+        )
 
 
 def onset_log_likelihood(
     flight: FlightResiduals,
     noise: NoiseModel,
     target: np.ndarray,
-    own: np.ndarray,
+    prediction: np.ndarray,
     sizes: Sequence[float] = (1.0,),
     cost: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (n,) times of the grid, the last one `NEVER`, log likelihoods if `own` begins there,
-    and the rows at which it then changes (`ordered_changes`).
+    """Return (n,) times of the grid, the last one `NEVER`, log likelihoods if `prediction` begins
+    there, and the rows at which it then changes (`ordered_changes`).
 
     Args:
         target: (m, 15) residual without the effect.
-        own: (m, 15) what the effect leaves.
-        sizes: of `own` from its begin on, and after each change [1].
+        prediction: (m, 15) what the effect leaves.
+        sizes: of `prediction` from its begin on, and after each change [1].
         cost: log likelihood that a change must bring.
     """
     columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
     t = columns.t
-    X = own[..., None]
-    whole = columns.whole(X)
-    begun = columns.begun(X, whole, np.arange(1, len(t)))
+    X = prediction[..., None]
+    suffix = columns.suffix_sums(X)
+    begun = columns.begun(X, suffix, np.arange(1, len(t)))
     XX, Xy = (
         np.concatenate([a[:1], b, 0 * a[:1]])
-        for a, b in ((whole.XX[..., 0], begun.XX[..., 0]), (whole.Xy, begun.Xy))
+        for a, b in ((suffix.XX[..., 0], begun.XX[..., 0]), (suffix.Xy, begun.Xy))
     )
     times = np.append(t, NEVER)
     barred = (times < t[0] + 0.3) & (times > t[0])

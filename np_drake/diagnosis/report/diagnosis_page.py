@@ -214,7 +214,7 @@ def write_report(
     *,
     seed: int = 0,
     config: dict[str, Any] | None = None,
-    beside: Mapping[str, str] = MappingProxyType({}),
+    links: Mapping[str, str] = MappingProxyType({}),
 ) -> Path:
     """Write `report.html`, `diagnosis.json` and the figures to a folder, and return the path of the
     page.
@@ -222,24 +222,24 @@ def write_report(
     Args:
         seed: seed of the diagnosis, for the head of the JSON.
         config: configuration of the diagnosis, for the head of the JSON.
-        beside: further files of the folder to which the page leads, with the text of each link.
+        links: further files of the folder to which the page leads, with the text of each link.
     Raises: OSError: if the folder cannot be written.
     """
     folder = Path(folder)
     require_writable(folder / PAGE)
     title = f"Sim-to-real diagnosis · {diagnosis.vehicle}"
-    section = Section(TEMPLATE, content(diagnosis, seed) | {"beside": beside})
+    section = Section(TEMPLATE, content(diagnosis, seed) | {"links": links})
     write_page(folder / PAGE, title, [section], figures(diagnosis))
-    found = diagnosis.as_json()
+    data = diagnosis.as_json()
     # The head that every file of the project begins with (docs/reference/files.md).
     write_json(
         folder / DATA,
         {
-            "schema": found["schema"],
+            "schema": data["schema"],
             "version": version("np_drake"),
             "seed": seed,
             "config": config or {},
-            **found,
+            **data,
         },
     )
     return folder / PAGE

@@ -91,13 +91,15 @@ def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[st
         return measure(parameter.value, unit), NOTHING
     largest = max(abs(parameter.value), abs(lower), abs(upper))
     factor, shown = suited(largest, unit)
-    told = -math.floor(math.log10(0.5 * factor * half))
-    if told > 6:
+    significant = -math.floor(math.log10(0.5 * factor * half))
+    if significant > 6:
         return measure(
             parameter.value, unit, 3
         ), f"{number(factor * lower)} to {number(factor * upper)}"
     three = 2 - math.floor(math.log10(factor * largest))
-    decimals = max(min(told, three) if brief or 10.0**-three <= factor * half else told, 0)
+    decimals = max(
+        min(significant, three) if brief or 10.0**-three <= factor * half else significant, 0
+    )
     value, low, high = (fixed(factor * v, decimals) for v in (parameter.value, lower, upper))
     return with_unit(value, shown), f"{low} to {high}"
 
@@ -109,10 +111,12 @@ def phrase(cause: Cause) -> str:
     values = {n: estimate(p, unit_of(cause, p), brief=True)[0] for n, p in parameters.items()}
     values |= {"rotor": str(cause.rotor)} if cause.rotor else {}
     unit, *others = {p.unit for p in parameters.values()} or {""}
-    own = effect_of(cause.identifier).phrase
-    if own and {field for _, field, _, _ in string.Formatter().parse(own) if field} <= set(values):
+    template = effect_of(cause.identifier).phrase
+    if template and {
+        field for _, field, _, _ in string.Formatter().parse(template) if field
+    } <= set(values):
         later = listed(_changes(cause), "then")
-        return own.format(**values) + (f" ({later})" if later else "")
+        return template.format(**values) + (f" ({later})" if later else "")
     if len(values) == 1:
         return f"{name} of {next(iter(values.values()))}"
     if others or unit in ("", "1"):
@@ -127,7 +131,7 @@ def _changes(cause: Cause, flight: str = "") -> list[str]:
     """Return the changes of a payload's mass, as in '+250 g at 7.0 s' and 'dropped at 13.0 s'; in
     no flight, without their times.
     """
-    found = []
+    changes = []
     mass = cause.parameters["mass"].value if cause.loads else 0.0
     steps = cause.steps(flight) if flight else [(math.inf, load) for load in cause.loads]
     for time, load in steps:
@@ -135,21 +139,21 @@ def _changes(cause: Cause, flight: str = "") -> list[str]:
         mass = load.value
         sign = "+" if size > 0 else "−"
         what = f"{sign}{measure(abs(size), 'kg', 3)}" if mass else "dropped"
-        found.append(what + (f" at {time:.1f}{NBSP}s" if math.isfinite(time) else ""))
-    return found
+        changes.append(what + (f" at {time:.1f}{NBSP}s" if math.isfinite(time) else ""))
+    return changes
 
 
 def begins(cause: Cause, longest: int = 36) -> list[str]:
     """Return by flight when a cause begins and a payload's mass changes, where it does."""
-    found = []
+    lines = []
     for flight, time in cause.onset.items():
         when = "" if time is None else f"{time:.1f}{NBSP}s" if math.isfinite(time) else "not at all"
         if later := _changes(cause, flight):
             mass = measure(cause.parameters["mass"].value, "kg", 3)
             when = ", ".join([mass + (f" at {when}" if when else ""), *later])
         if when:
-            found.append(f"{plain_name(flight, longest)}: {when}")
-    return found
+            lines.append(f"{plain_name(flight, longest)}: {when}")
+    return lines
 
 
 def changed(cause: Cause) -> str:
@@ -203,45 +207,51 @@ def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     for part in gap_kinds(diagnosis.localisation.channels):
         factor, unit = suited(part.before, part.unit)
         sizes = [number(factor * value, 2) for value in (part.before, part.after, part.noise)]
-        rows.append((f"{part.kind} [{unit}]", *sizes, percent(part.left)))
+        rows.append((f"{part.kind} [{unit}]", *sizes, percent(part.remaining)))
     total = diagnosis.gap_reduction
     share = NOTHING
     sizes = [number(value, 2) for value in (total.before, total.after, total.floor)]
     if total.material:
         low, high = total.ci95
         least, most = (percent(min(1 - end, 1.0)) for end in (high, low))
-        share = f"{percent(total.left.share)} ({least.removesuffix(NBSP + '%')} to {most})"
+        share = f"{percent(total.remainder.share)} ({least.removesuffix(NBSP + '%')} to {most})"
     return [*rows, ("all, over noise [1]", *sizes, share)]
 
 
-def sizes_left(left: Remainder) -> str:
+def sizes_left(remainder: Remainder) -> str:
     """Return the remainder's force, torque and position error, as in '1.5 mN, 20 µN·m and 3 cm
     after 1 s', and how far noise alone leads where that is farther.
     """
     sizes = [
-        measure(size, unit) for size, unit in ((left.force, "N"), (left.torque, "N·m")) if size > 0
+        measure(size, unit)
+        for size, unit in ((remainder.force, "N"), (remainder.torque, "N·m"))
+        if size > 0
     ]
     after = f"after 1{NBSP}s"
-    sizes += [f"{measure(left.position, 'm')} {after}"] if math.isfinite(left.position) else []
-    hides = 0 < left.noise < math.inf and not left.position > left.noise
-    alone = f", beside up to {measure(left.noise, 'm')} {after} by noise alone" if hides else ""
+    sizes += (
+        [f"{measure(remainder.position, 'm')} {after}"] if math.isfinite(remainder.position) else []
+    )
+    hides = 0 < remainder.noise < math.inf and not remainder.position > remainder.noise
+    alone = (
+        f", beside up to {measure(remainder.noise, 'm')} {after} by noise alone" if hides else ""
+    )
     return f"{listed(sizes) or 'nothing'}{alone}"
 
 
 def remains(diagnosis: Diagnosis) -> str:
     """Return how much of the held-out gap is left, and the probability that it is material."""
-    left = diagnosis.gap_reduction.left
+    remainder = diagnosis.gap_reduction.remainder
     if not diagnosis.gap_reduction.material:
         return (
-            f"The held-out gap is immaterial: {measure(left.position_before, 'm')} after "
+            f"The held-out gap is immaterial: {measure(remainder.position_before, 'm')} after "
             f"1{NBSP}s, beyond the noise."
         )
     least = unexplained.NOTHING
-    below = f" (immaterial below {percent(least)})" if left.share < least else ""
-    said = f"{percent(left.share)} of the held-out gap is left beyond the noise{below}"
+    below = f" (immaterial below {percent(least)})" if remainder.share < least else ""
+    sentence = f"{percent(remainder.share)} of the held-out gap is left beyond the noise{below}"
     return (
-        f"{said}: {sizes_left(left)}. Probability that this is material: "
-        f"{probability(left.probability)}."
+        f"{sentence}: {sizes_left(remainder)}. Probability that this is material: "
+        f"{probability(remainder.probability)}."
     )
 
 
@@ -263,8 +273,8 @@ def headline(diagnosis: Diagnosis) -> str:
         return CANNOT_TELL
     reduction = diagnosis.gap_reduction
     judges = _judges(diagnosis)
-    left = reduction.left
-    sizes = sizes_left(reduction.left)
+    remainder = reduction.remainder
+    sizes = sizes_left(reduction.remainder)
     unknown = UNKNOWN in diagnosis.verdict
     causes = named_causes(diagnosis)
     first = causes[:MOST_NAMED]
@@ -272,7 +282,9 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.before:
         since = f"since the flight{'s' if len(diagnosis.before) > 1 else ''} before"
         left_over = (
-            f"; {percent(left.share)} of the gap on {judges} remains unexplained" if unknown else ""
+            f"; {percent(remainder.share)} of the gap on {judges} remains unexplained"
+            if unknown
+            else ""
         )
         if not causes:
             return (
@@ -289,8 +301,8 @@ def headline(diagnosis: Diagnosis) -> str:
     if causes:
         text = capital(_explained(diagnosis, causes, [*map(phrase, first), *more]))
         rest = (
-            f"; {percent(left.share)} remains unexplained: {sizes} (probability that it is "
-            f"material {probability(left.probability)})"
+            f"; {percent(remainder.share)} remains unexplained: {sizes} (probability that it is "
+            f"material {probability(remainder.probability)})"
         )
         return text + rest * unknown
     if unknown:
@@ -363,37 +375,41 @@ def lead(diagnosis: Diagnosis) -> str:
     if diagnosis.cannot_tell:
         return "The training flights excite too little to tell one effect from another."
     causes = named_causes(diagnosis)
-    said = []
+    sentences = []
     unknown = UNKNOWN in diagnosis.verdict
     traces = diagnosis.unexplained
     if causes and diagnosis.gap_reduction.material:
         least = min(cause.probability for cause in causes)
         one = f"probability {probability(least)}"
-        said.append(one if len(causes) == 1 else f"each has a probability {of_at_least(least)}")
+        sentences.append(
+            one if len(causes) == 1 else f"each has a probability {of_at_least(least)}"
+        )
         if diagnosis.before:
             there = listed([bare_name(c.identifier) for c in diagnosis.causes if not c.changed])
-            said.append(
+            sentences.append(
                 f"{seen(diagnosis)} would have been seen"
                 + (f"; there already before: {there}" if there else "")
             )
     elif causes:
         them = listed([bare_name(c.identifier) for c in causes])
-        said.append(f"training names {them}, which these flights do not need")
+        sentences.append(f"training names {them}, which these flights do not need")
     elif not unknown:
-        said.append("the simulator agrees with the logs, and nothing is named")
+        sentences.append("the simulator agrees with the logs, and nothing is named")
     if unknown and traces:
         # That with the largest share of weight, else with the largest force, else the first.
         main = max(traces, key=lambda f: (f.figures.get("share", 0.0), f.figures.get("force", 0.0)))
-        said.append(f"to find what remains: {main.measurement}")
+        sentences.append(f"to find what remains: {main.measurement}")
     elif unknown:
-        said.append("it has no trace of its own")
+        sentences.append("it has no trace of its own")
     if diagnosis.new_on_held_out:
-        said.append(f"new on {_judges(diagnosis)}: {diagnosis.new_on_held_out[0].text.rstrip('.')}")
+        sentences.append(
+            f"new on {_judges(diagnosis)}: {diagnosis.new_on_held_out[0].text.rstrip('.')}"
+        )
     if diagnosis.refit is not None and diagnosis.refit.verdict != diagnosis.verdict:
-        said.append(
+        sentences.append(
             "a second answer, which knows halves of the held-out flights, differs: see below"
         )
-    return capital("; ".join(said)) + "."
+    return capital("; ".join(sentences)) + "."
 
 
 def seen(diagnosis: Diagnosis) -> str:

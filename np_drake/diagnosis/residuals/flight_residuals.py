@@ -539,11 +539,12 @@ def require_flights(
     for known, others in ((train, held_out), (before, [*train, *held_out])):
         seen = {log.name: _motion(log) for log in known}
         for log in others:
-            own = _motion(log)
+            motion = _motion(log)
             # More than half of the distinct rows are also in the known flight; a single row is no
             # motion.
             same = next(
-                (name for name, rows in seen.items() if 2 * len(own & rows) > len(own) > 1), None
+                (name for name, rows in seen.items() if 2 * len(motion & rows) > len(motion) > 1),
+                None,
             )
             if same is not None:
                 raise ValueError(

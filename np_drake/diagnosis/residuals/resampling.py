@@ -43,8 +43,8 @@ def natural_step(t: np.ndarray) -> float:
     """Return the grid step for a log with row times t (n,): `STEP`, or the log's own step if that
     is longer [s].
     """
-    own = float(np.median(np.diff(t)))
-    return own * max(1, int(STEP / own + NEARLY))
+    log_step = float(np.median(np.diff(t)))
+    return log_step * max(1, int(STEP / log_step + NEARLY))
 
 
 def common_step(times: Sequence[np.ndarray], fitted: int) -> float:
@@ -63,11 +63,11 @@ def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
         t: (n,) row times [s].
         step: approximate step, where flights are to share it [s]; default: `natural_step`.
     """
-    own = float(np.median(np.diff(t)))
+    log_step = float(np.median(np.diff(t)))
     step = natural_step(t) if step is None else step
-    factor = max(1, round(step / own))
-    if abs(factor * own - step) < SAME_STEP * step:
-        step = factor * own
+    factor = max(1, round(step / log_step))
+    if abs(factor * log_step - step) < SAME_STEP * step:
+        step = factor * log_step
     fine = np.arange(t[0], t[-1] + 1e-9, step / factor)
     return Grid(fine[::factor], step, factor, fine)
 
@@ -172,16 +172,16 @@ def find_outliers(
         return np.zeros(len(residual), bool)
     spiky = np.abs(residual - scipy.ndimage.median_filter(residual, (size, 1), mode="reflect"))
     usual = 1.4826 * np.median(spiky, axis=0)
-    found = np.any(spiky > SPIKE * np.maximum(usual, 1e-9), axis=1)
-    found = _short(found, max(2, round(longest / step)))
-    found = np.convolve(found, np.ones(2 * ABOUT + 1), mode="same") > 0.5
-    found |= _short(~found, round(OUTLIERS_APART / step)) & found.any()
-    return found if found.mean() <= most else np.zeros(len(residual), bool)
+    outliers = np.any(spiky > SPIKE * np.maximum(usual, 1e-9), axis=1)
+    outliers = _short(outliers, max(2, round(longest / step)))
+    outliers = np.convolve(outliers, np.ones(2 * ABOUT + 1), mode="same") > 0.5
+    outliers |= _short(~outliers, round(OUTLIERS_APART / step)) & outliers.any()
+    return outliers if outliers.mean() <= most else np.zeros(len(residual), bool)
 
 
-def _short(found: np.ndarray, longest: int) -> np.ndarray:
-    """Return `found` (m,) with only its runs of up to `longest` rows."""
-    return found & ~scipy.ndimage.binary_opening(found, np.ones(longest + 1))
+def _short(marked: np.ndarray, longest: int) -> np.ndarray:
+    """Return `marked` (m,) with only its runs of up to `longest` rows."""
+    return marked & ~scipy.ndimage.binary_opening(marked, np.ones(longest + 1))
 
 
 def bridge(values: np.ndarray, outliers: np.ndarray) -> np.ndarray:

@@ -64,7 +64,7 @@ class Rotors:
         if self._measured or not (lags or shift):
             thrust = self._respond(self._nominal, chain)
         else:
-            thrust = self._respond(self._held(shift), [*self._own(lags), *chain])
+            thrust = self._respond(self._held(shift), [*self._file_effects(lags), *chain])
         lag = max(
             (e.time_constant for e in lags),
             default=0.0 if self._measured else self._vehicle.rotor_time_constant,
@@ -75,7 +75,7 @@ class Rotors:
             at_rows = sum(c * thrust[np.maximum(self._row - k, 0)] for k, c in steps)
         return at_rows, self._mean(thrust)
 
-    def _own(self, others: Sequence[MotorLag]) -> list[ActuatorEffect]:
+    def _file_effects(self, others: Sequence[MotorLag]) -> list[ActuatorEffect]:
         """Return the effects of the vehicle file that thrust has yet to pass: its lag, unless there
         are others.
         """
@@ -98,7 +98,7 @@ class Rotors:
         """(m, 4) thrust of the vehicle as its file describes it, at substeps [N]."""
         smooth = self._measured and not self._steps
         asked = Signal(self._row_t, self._read[0]).linear(self._t) if smooth else self._held(0.0)
-        return self._respond(asked, self._own([]))
+        return self._respond(asked, self._file_effects([]))
 
     def _mean(self, thrust: np.ndarray) -> np.ndarray:
         """Return the mean thrust (n-1, 4) between rows [N]."""

@@ -133,15 +133,15 @@ def _along_path(t: np.ndarray, p: np.ndarray, a: np.ndarray, ratio: float) -> np
     # The weights (3, n-2) of the previous, current and next row in the second derivative.
     before = np.diff(t)[:-1]
     after = np.diff(t)[1:]
-    left = 2 / ((before + after) * before)
-    right = 2 / ((before + after) * after)
-    D = np.stack([left, -(left + right), right])
+    weight_before = 2 / ((before + after) * before)
+    weight_after = 2 / ((before + after) * after)
+    D = np.stack([weight_before, -(weight_before + weight_after), weight_after])
     bands = np.zeros((3, len(t)))  # bands of 1 + ratio² D'D, upper form
     bands[2] = 1.0
     target = p.copy()
     for i in range(3):
-        own = slice(i, len(t) - 2 + i)
-        target[own] += ratio**2 * D[i, :, None] * a[1:-1]
+        rows = slice(i, len(t) - 2 + i)
+        target[rows] += ratio**2 * D[i, :, None] * a[1:-1]
         for j in range(i, 3):
             bands[2 - (j - i), slice(j, len(t) - 2 + j)] += ratio**2 * D[i] * D[j]
     path = scipy.linalg.solveh_banded(bands, target)
@@ -188,8 +188,8 @@ def velocity_before(
     lifted = attitude.body_z(q) * (thrust / vehicle.mass)[:, None]
     gained = (lifted - [0.0, 0.0, vehicle.gravity]) * dt[:, None]
     nominal = np.cumsum(gained, axis=0) - 0.5 * gained
-    left = Signal(t, v - nominal)
-    return nominal + 2 * left.linear(t - lead) - left.linear(t - 2 * lead)
+    disturbance = Signal(t, v - nominal)
+    return nominal + 2 * disturbance.linear(t - lead) - disturbance.linear(t - 2 * lead)
 
 
 CROSSOVER = 1.0  # [Hz]; own choice: above it the gyro is better than a reading of 1 mrad or worse

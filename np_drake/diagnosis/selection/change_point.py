@@ -48,14 +48,14 @@ class TriedOnsets:
     def __init__(self, flight: SwitchedRegressors, X: np.ndarray, inside: np.ndarray):
         self._flight = flight
         self._X = X
-        self._whole = flight.whole(X)
-        self.ends = self._whole.rows([0, -1])  # from the start, and never
+        self._suffix = flight.suffix_sums(X)
+        self.ends = self._suffix.rows([0, -1])  # from the start, and never
         self.start, self.never = self.ends.rows([0]), self.ends.rows([1])
         self.now = self.start
         self.onset: float | None = None
         self.inside = inside
         self.rows = inside[::COARSE]
-        self.sums = flight.begun(X, self._whole, self.rows)
+        self.sums = flight.begun(X, self._suffix, self.rows)
 
     def refine(self, profile: np.ndarray) -> None:
         """Add the untried rows about the best of the profile (n,)."""
@@ -63,7 +63,7 @@ class TriedOnsets:
         rows = np.setdiff1d(about, self.rows)
         order = np.argsort(np.concatenate([self.rows, rows]))
         self.rows = np.concatenate([self.rows, rows])[order]
-        self.sums = self.sums.joined(self._flight.begun(self._X, self._whole, rows), order)
+        self.sums = self.sums.joined(self._flight.begun(self._X, self._suffix, rows), order)
 
     def most_likely(self, profile: np.ndarray) -> int:
         """Return the row in the middle of the span of `SPAN` that most likely holds the onset.
@@ -93,7 +93,7 @@ class TriedOnsets:
             self.now = self.start
             self.onset = None
         else:
-            self.now = self._flight.begun(self._X, self._whole, np.array([row]))
+            self.now = self._flight.begun(self._X, self._suffix, np.array([row]))
             self.onset = float(self._flight.t[row])
 
 
@@ -150,9 +150,9 @@ class OnsetScan:
         b = len(self._owner)
         self.covariance = np.zeros((b, b))
         self.mean = np.zeros(b)
-        own = np.linalg.inv(np.eye(len(on)) + self._products[np.ix_(on, on)])
-        self.covariance[np.ix_(on, on)] = own
-        self.mean[on] = own @ self._products[on, -1]
+        inverse = np.linalg.inv(np.eye(len(on)) + self._products[np.ix_(on, on)])
+        self.covariance[np.ix_(on, on)] = inverse
+        self.mean[on] = inverse @ self._products[on, -1]
 
     def given(self, members: Sequence[int]) -> "OnsetScan":
         """Return the scan beside nuisance and some of its members alone, from the same sums."""
@@ -162,25 +162,27 @@ class OnsetScan:
 
     def rough_evidence(self, candidate: Candidate) -> float:
         """Return the log evidence of a candidate at its best onsets, jumps of its columns apart."""
-        whole = {name: f.whole(candidate.columns[name]) for name, f in self._flights.items()}
-        start = {name: sums.rows([0]) for name, sums in whole.items()}
+        suffix = {name: f.suffix_sums(candidate.columns[name]) for name, f in self._flights.items()}
+        start = {name: sums.rows([0]) for name, sums in suffix.items()}
         at = dict(start)
         for name, rows in self._inside.items():
-            profile = self._evidence(whole[name].rows(rows), [at[n] for n in at if n != name])
+            profile = self._evidence(suffix[name].rows(rows), [at[n] for n in at if n != name])
             now = self._evidence(start[name], [at[n] for n in at if n != name])[0]
             if len(rows) and profile.max() > now:
-                at[name] = whole[name].rows([rows[np.argmax(profile)]])
+                at[name] = suffix[name].rows([rows[np.argmax(profile)]])
         first, *rest = at.values()
         return float(self._evidence(first, rest)[0])
 
-    def _left(self, name: str, candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
+    def _suffixes_given_others(
+        self, name: str, candidate: Candidate
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return for the first column of a candidate its X'X and X'y (m + 1,) over all rows of a
         flight from each row on, y less the posterior mean of what acts as well but for `PIECES`.
         """
         pieces = [c.variant == PIECES for c in self.problem.candidates]
         mean = np.where(np.append(pieces, False)[self._owner], 0.0, self.mean)
-        whole = self._flights[name].whole(candidate.columns[name])
-        return whole.XX[:, 0, 0], (whole.Xy - whole.XB @ mean[whole.at])[:, 0]
+        suffix = self._flights[name].suffix_sums(candidate.columns[name])
+        return suffix.XX[:, 0, 0], (suffix.Xy - suffix.XB @ mean[suffix.at])[:, 0]
 
     @property
     def _cost(self) -> float:
@@ -195,10 +197,10 @@ class OnsetScan:
         Every size has its prior; no change follows another by less than `edge`.
         Source: optimal partitioning (Jackson et al. 2005).
         """
-        found = Times()
+        times = Times()
         for name, flight in self._flights.items():
             rows = np.array([0, *self._inside[name][::COARSE], len(flight.t)])
-            XX, Xy = (sums[rows] for sums in self._left(name, candidate))
+            XX, Xy = (sums[rows] for sums in self._suffixes_given_others(name, candidate))
             # [i, j]: of the rows from boundary i to boundary j.
             precision = 1.0 + XX[:, None] - XX
             product = Xy[:, None] - Xy
@@ -215,21 +217,21 @@ class OnsetScan:
             ends = [len(rows) - 1]
             while ends[0]:
                 ends.insert(0, int(before[ends[0]]))
-            found[name] = tuple(flight.t[rows[ends[1:-1]]].tolist())
-        return found
+            times[name] = tuple(flight.t[rows[ends[1:-1]]].tolist())
+        return times
 
     def changes(self, candidate: Candidate, sizes: Sequence[float]) -> Times:
         """Return when the first column of a candidate changes to the next of its sizes (k + 1,),
         the first of which it has from the start; infinite: not there.
         """
-        found = Times()
+        times = Times()
         for name, flight in self._flights.items():
             barred = np.ones(len(flight.t) + 1, bool)
             barred[[0, *self._inside[name], -1]] = False
-            left = self._left(name, candidate)
-            _, following = ordered_changes(*left, sizes, self._cost, barred)
-            found[name] = times_of_changes(np.append(flight.t, NEVER), following, 0)
-        return found
+            sums = self._suffixes_given_others(name, candidate)
+            _, following = ordered_changes(*sums, sizes, self._cost, barred)
+            times[name] = times_of_changes(np.append(flight.t, NEVER), following, 0)
+        return times
 
     def best(self, candidate: Candidate) -> Onsets:
         """Return the onsets at which the candidate explains the flights best.
@@ -241,7 +243,7 @@ class OnsetScan:
             n: TriedOnsets(f, candidate.columns[n], self._inside[n])
             for n, f in self._flights.items()
         }
-        found = [self._climbed(scans)]
+        climbs = [self._climbed(scans)]
         # A climb begins where the effect would begin with parameters of each flight's own, no prior
         # asked. Flights that start from its beginning in all others may never leave it: a drift
         # from the start stands for a step in each.
@@ -250,8 +252,8 @@ class OnsetScan:
             later = profile.max(initial=-np.inf) > self._evidence(scan.start, [])[0]
             scan.settle(scan.rows[np.argmax(profile)] if later else None)
         if sum(scan.begins for scan in scans.values()) > 1:
-            found.append(self._climbed(scans))
-        return max(found, key=lambda f: f.evidence + f.prior)
+            climbs.append(self._climbed(scans))
+        return max(climbs, key=lambda f: f.evidence + f.prior)
 
     def _climbed(self, scans: dict[str, TriedOnsets]) -> Onsets:
         """Return the onsets from where they are settled, flight by flight, the others as they
@@ -296,28 +298,28 @@ class OnsetScan:
         now, start = (float(self._evidence(first, rest)[0]) for first, *rest in all_of)
         return Onsets(onset, prior, now - start, now)
 
-    def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
+    def _evidence(self, sums: Sums, rest: list[Sums]) -> np.ndarray:
         """Return (n,) the log evidence with these sums of one flight, each with those of the
         rest.
         """
-        X = own.XB
-        at = own.at
+        X = sums.XB
+        at = sums.at
         covariance = self.covariance
-        XX = own.XX + sum(r.XX for r in rest)
-        Xy = own.Xy + sum(r.Xy for r in rest)
-        beside = np.zeros((X.shape[1], len(self._owner)))
+        XX = sums.XX + sum(r.XX for r in rest)
+        Xy = sums.Xy + sum(r.Xy for r in rest)
+        XB_rest = np.zeros((X.shape[1], len(self._owner)))
         for r in rest:
-            beside[:, r.at] += r.XB[0]
+            XB_rest[:, r.at] += r.XB[0]
         # B is integrated out by its Schur complement: X'X + 1 - X'B (1 + B'B)^-1 B'X, and X'y less
         # X'B times its mean. X'B is that of this flight, which differs from row to row, and that of
         # the rest.
-        known = beside @ covariance
+        known = XB_rest @ covariance
         cross = X @ known[:, at].T
         flat = X.reshape(X.shape[0] * X.shape[1], X.shape[2]) @ covariance[np.ix_(at, at)]
         within = flat.reshape(X.shape) @ np.swapaxes(X, 1, 2)
         explained = within + cross + np.swapaxes(cross, 1, 2)
-        A = XX + np.eye(XX.shape[1]) - explained - known @ beside.T
-        b = Xy - X @ self.mean[at] - beside @ self.mean
+        A = XX + np.eye(XX.shape[1]) - explained - known @ XB_rest.T
+        b = Xy - X @ self.mean[at] - XB_rest @ self.mean
         if b.shape[1] == 1:  # most effects
             return 0.5 * (b**2 / A[..., 0] - np.log(A[..., 0]))[:, 0]
         gain = np.sum(b * np.linalg.solve(A, b[..., None])[..., 0], axis=1)
@@ -342,17 +344,19 @@ def switched_candidates(scan: OnsetScan) -> list[Candidate]:
         sudden = all(f.sudden for f in effects) or not problem.options.tolerance.unmeasured
         if c.size <= MOST_COLUMNS and not c.onset and sudden and all(f.begins for f in effects):
             variants.setdefault(c.identifiers, []).append(c)
-    found: dict[tuple, Candidate] = {}
-    for own, same in variants.items():
-        others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
-        for beside in map(scan.given, dict.fromkeys([(), others])):
-            for candidate in sorted(same, key=beside.rough_evidence)[-VARIANTS:]:
-                at = beside.best(candidate)
+    kept: dict[tuple, Candidate] = {}
+    for identifiers, same in variants.items():
+        others = tuple(
+            i for i in members if not set(identifiers) & set(problem.candidates[i].identifiers)
+        )
+        for scan_given in map(scan.given, dict.fromkeys([(), others])):
+            for candidate in sorted(same, key=scan_given.rough_evidence)[-VARIANTS:]:
+                at = scan_given.best(candidate)
                 if at.onset:
                     late = switched(candidate, problem.flights, at.onset)
                     key = (late.identifiers, late.variant, tuple(sorted(at.onset.items())))
-                    found.setdefault(key, dc.replace(late, onset_prior=at.prior))
-    return list(found.values())
+                    kept.setdefault(key, dc.replace(late, onset_prior=at.prior))
+    return list(kept.values())
 
 
 PIECES = "pieces"  # variant of a candidate that acts in pieces of flights, each of its size
@@ -369,23 +373,23 @@ def _in_steps(
     Beside all `others` that may act. Steps that are too many do no harm at first: in their pieces
     they leave what else acts to its own columns, beside which they are sought anew.
     """
-    found = Times()
+    steps = Times()
     scan = OnsetScan(problem, others)
     for _ in range(ROUNDS):
-        before = found
-        found = scan.steps(weight)
-        if found == before:
+        before = steps
+        steps = scan.steps(weight)
+        if steps == before:
             break
-        at = places(len(times) + 1 for times in found.values())
+        at = places(len(times) + 1 for times in steps.values())
         columns = {e.name: np.zeros((*e.y.shape, at[-1].stop)) for e in problem.flights}
-        for e, own in zip(problem.flights, at, strict=True):
-            begun = np.stack([e.begun(t) for t in (None, *found[e.name], NEVER)], axis=-1)
-            columns[e.name][..., own] = weight.columns[e.name][..., :1] * -np.diff(begun, axis=-1)
+        for e, place in zip(problem.flights, at, strict=True):
+            begun = np.stack([e.begun(t) for t in (None, *steps[e.name], NEVER)], axis=-1)
+            columns[e.name][..., place] = weight.columns[e.name][..., :1] * -np.diff(begun, axis=-1)
         pieces = dc.replace(weight, variant=PIECES, columns=columns, physical=None)
         scan = OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
-    every = [scan.mean[-at[-1].stop :][own] for own in at]
-    most = max(map(len, every))
-    sizes = np.mean([own for own in every if len(own) == most], axis=0).tolist()
+    levels = [scan.mean[-at[-1].stop :][place] for place in at]
+    most = max(map(len, levels))
+    sizes = np.mean([place for place in levels if len(place) == most], axis=0).tolist()
     while len(sizes) > 1 and np.min(np.abs(np.diff(sizes))) < least:
         k = int(np.argmin(np.abs(np.diff(sizes))))
         sizes[k : k + 2] = [0.5 * (sizes[k] + sizes[k + 1])]
@@ -470,22 +474,22 @@ def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
             0, dc.replace(c, columns={n: X[..., :AT_REST] for n, X in c.columns.items()})
         )
     least = options.priors.onset_gain
-    every = map(scan.best, weights)
-    heavy = [f for f in every if f.onset and f.gain + f.prior > least]
+    onsets = map(scan.best, weights)
+    heavy = [f for f in onsets if f.onset and f.gain + f.prior > least]
     if not heavy:
         return []
-    found = max(heavy, key=lambda f: f.evidence + f.prior)
-    unlike = [c for c in late if c.onset != found.onset]  # what begins when it does stands for it
+    best = max(heavy, key=lambda f: f.evidence + f.prior)
+    unlike = [c for c in late if c.onset != best.onset]  # what begins when it does stands for it
     others = [
         c for c in (*problem.candidates, *unlike) if c.size <= 3 and PAYLOAD not in c.identifiers
     ]
-    first = PayloadSearch(problem.flights, options, found.onset)
+    first = PayloadSearch(problem.flights, options, best.onset)
     guesses = [guess for guess, _ in first.followed(noise, nuisance, others)]
     if not guesses:
         return []
     onset = first.when(noise, nuisance, guesses[0])
     sharp = PayloadSearch(problem.flights, options, onset).from_guesses(noise, nuisance, guesses)
-    return [dc.replace(c, onset_prior=found.prior) for _, c in sharp]
+    return [dc.replace(c, onset_prior=best.prior) for _, c in sharp]
 
 
 def _unchanged(c: Candidate) -> bool:
@@ -503,7 +507,7 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
     The air is always there: a new wind comes with a drag that acts in all flights. A change since
     earlier flights is what is asked, and costs no prior.
     """
-    found = list[Candidate]()
+    candidates = list[Candidate]()
     flights = problem.flights
     known = [
         (c, effect_of(c.identifiers[0]))
@@ -522,5 +526,5 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
         winds = wind_candidates(flights, begin, lacking)
         prior = problem.options.priors.onset * len(lacking) if names != earlier else 0.0
         late = (*(switched(c, flights, lacking) for c in begun), *winds)
-        found += [dc.replace(c, onset_prior=prior) for c in late]
-    return found
+        candidates += [dc.replace(c, onset_prior=prior) for c in late]
+    return candidates

@@ -68,10 +68,10 @@ def condition(
     candidates = [*plain, *([] if still_air else wind_candidates(flights, plain))]
 
     def problem(
-        noise: NoiseModel, some: Sequence[Candidate], temperature: float = 1.0
+        noise: NoiseModel, chosen: Sequence[Candidate], temperature: float = 1.0
     ) -> RegressionProblem:
         return RegressionProblem(
-            flights, noise, nuisance, list(some), temperature=temperature, options=options
+            flights, noise, nuisance, list(chosen), temperature=temperature, options=options
         )
 
     # 1. Outliers, by what is left of the channels under white weights.
@@ -92,8 +92,8 @@ def condition(
     noise = noise_of(flights, residual, channels, options, error)
     alone = RegressionProblem(flights, noise, [], plain, temperature=1.0, options=options)
     others = [plain[i] for i in _best_variants(alone)]
-    left = no_worse(_residuals_of_all_effects(problem(white, others)), channels)
-    weights = (white, scale_only(left, step))  # a light payload shows in the second alone
+    after_others = no_worse(_residuals_of_all_effects(problem(white, others)), channels)
+    weights = (white, scale_only(after_others, step))  # a light payload shows in the second alone
     search = PayloadSearch([e for e in flights if not e.earlier], options)
     tried = () if PAYLOAD in hidden_from(flights) else weights
     followed = next(filter(None, (search.followed(n, nuisance, others) for n in tried)), [])
@@ -133,13 +133,18 @@ def noise_of(
     slow = np.zeros(channels[0].shape[1])
     slow[FORCE] = options.tolerance.attitude * force
     white = np.sqrt(np.mean([e.rotor_noise**2 for e in flights], axis=0))
-    left = no_worse(residuals, list(channels))
+    remaining = no_worse(residuals, list(channels))
     noise = fit_noise(
-        left, flights[0].grid.step, explained=explained, inexact=inexact, slow=slow, white=white
+        remaining,
+        flights[0].grid.step,
+        explained=explained,
+        inexact=inexact,
+        slow=slow,
+        white=white,
     )
     if not flights[0].measured_rotors:
         return noise
-    return with_loudness(noise, [r - r.mean(axis=0) for r in left], [e.name for e in flights])
+    return with_loudness(noise, [r - r.mean(axis=0) for r in remaining], [e.name for e in flights])
 
 
 def _best_variants(problem: RegressionProblem) -> list[int]:
@@ -161,7 +166,7 @@ def _residuals_of_all_effects(problem: RegressionProblem) -> list[np.ndarray]:
     columns = [*problem.nuisance, *(problem.candidates[i] for i in chosen)]
     parts = list(zip(columns, places(c.size for c in columns), strict=True))
     return [
-        e.known(e.bridged(e.y - sum(c.columns[e.name] @ mean[own] for c, own in parts)))
+        e.known(e.bridged(e.y - sum(c.columns[e.name] @ mean[place] for c, place in parts)))
         for e in problem.flights
     ]
 
@@ -223,10 +228,10 @@ def find_map_model(
         acting = [problem.candidates[i] for i in models[0].members]
         fit = first_fit if best is None else partial(refit, known=best)
         best = fit(problem, models[0], iterations=3)
-        left = [best.residual(e) for e in of.flights]
-        noise = noise_of(of.flights, left, channels, options, priors.linear_error)
+        residuals = [best.residual(e) for e in of.flights]
+        noise = noise_of(of.flights, residuals, channels, options, priors.linear_error)
     assert best is not None
-    exact = noise_of(of.flights, left, channels, options)
+    exact = noise_of(of.flights, residuals, channels, options)
     return Ranking((best,), exact, problem, tuple(models), options)
 
 
@@ -283,16 +288,16 @@ RANKING_MARGIN = 12.0  # log evidence below the best at which a model is not ref
 NEGLIGIBLE = 0.1
 
 
-def rank_models(found: Ranking) -> Ranking:
+def rank_models(searched: Ranking) -> Ranking:
     """Return the best model ranked among its rivals, each refined: those that come close to it, and
     the best without its faint effects.
     """
-    problem = found.problem
-    noise = found.noise
-    priors = found.problem.options.priors
-    least = found.models[0].score - RANKING_MARGIN
-    close = [m for m in _distinct(problem, found.models) if m.score > least]
-    refined = {m: refit(problem, m, found.best, noise) for m in close[:REFINED]}
+    problem = searched.problem
+    noise = searched.noise
+    priors = searched.problem.options.priors
+    least = searched.models[0].score - RANKING_MARGIN
+    close = [m for m in _distinct(problem, searched.models) if m.score > least]
+    refined = {m: refit(problem, m, searched.best, noise) for m in close[:REFINED]}
     first = max(refined, key=lambda m: score_of(refined[m], priors))
     best = refined[first] = restart(problem, first, refined[first], noise)
     for m in drop_negligible(problem, first, best):
@@ -300,7 +305,7 @@ def rank_models(found: Ranking) -> Ranking:
             names = names_of(problem, m)
             kept = tuple(t for t in best.terms if t.effect.identifier in names)
             refined[m] = refit(problem, m, dc.replace(best, terms=kept), noise)
-    models = [*found.models, *(m for m in refined if m not in found.models)]
+    models = [*searched.models, *(m for m in refined if m not in searched.models)]
     vehicle = problem.flights[0].vehicle
     height = greatest_height(problem.flights)
     possible = [
@@ -310,7 +315,7 @@ def rank_models(found: Ranking) -> Ranking:
     ]
     fits = sorted(possible or refined.values(), key=lambda f: -score_of(f, priors))
     return dc.replace(
-        found,
+        searched,
         fits=tuple(fits),
         models=tuple(models),
         probability=probabilities(problem, models, fits),
@@ -341,27 +346,27 @@ def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[
     shorter than the vehicle file's and a delay may stand for that lag.
     """
     flights = problem.flights
-    every = fit.everything
+    terms = fit.everything
 
     def trace(names: Sequence[str]) -> float:
         """Return the whitened size of what these effects leave in the flights."""
-        rest = [t for t in every if t.effect.identifier not in names]
+        rest = [t for t in terms if t.effect.identifier not in names]
         white = (
-            e.white(problem.noise, predicted_residual(e, every) - predicted_residual(e, rest))
+            e.white(problem.noise, predicted_residual(e, terms) - predicted_residual(e, rest))
             for e in flights
         )
         return float(np.sqrt(sum(np.sum(w**2) for w in white)))
 
     effects = {i: problem.candidates[i].identifiers for i in model.members}
-    own = {i: trace(names) for i, names in effects.items()}
-    whole = trace([t.effect.identifier for t in every])
+    sizes = {i: trace(names) for i, names in effects.items()}
+    total = trace([t.effect.identifier for t in terms])
     shifting = [i for i, names in effects.items() if effect_of(names[0]).shifts_commands]
-    lesser = sorted(shifting, key=lambda i: own[i])[:-1]
-    faint = [i for i in model.members if own[i] < NEGLIGIBLE * whole or i in lesser]
+    lesser = sorted(shifting, key=lambda i: sizes[i])[:-1]
+    faint = [i for i in model.members if sizes[i] < NEGLIGIBLE * total or i in lesser]
     dropped = dict.fromkeys(
         [tuple(faint), tuple(shifting if lesser else []), *((i,) for i in faint)]
     )
-    kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
+    kept = [tuple(i for i in model.members if i not in gone) for gone in dropped if gone]
     return [Model(members, problem.score(members)) for members in kept if members]
 
 

@@ -57,12 +57,13 @@ class PayloadColumns:
 
     Args:
         guess: payload about which columns are linear; its mass is that of a coefficient of one.
-        own: by flight, (m, 6, k') force and torque: at rest, length, damping, and the swing there.
+        by_flight: by flight, (m, 6, k') force and torque: at rest, length, damping, and the swing
+        there.
         rate: natural rate [1/s].
     """
 
     guess: Term
-    own: dict[str, np.ndarray]
+    by_flight: dict[str, np.ndarray]
     rate: float
     priors: Priors
     shaped: bool = False
@@ -75,13 +76,13 @@ class PayloadColumns:
     @property
     def swings(self) -> dict[str, slice]:
         """Columns of each flight's swing."""
-        sizes = (X.shape[-1] - self.first for X in self.own.values())
-        return dict(zip(self.own, places(sizes, self.first), strict=True))
+        sizes = (X.shape[-1] - self.first for X in self.by_flight.values())
+        return dict(zip(self.by_flight, places(sizes, self.first), strict=True))
 
     @property
     def size(self) -> int:
         """Number of columns."""
-        return self.first + sum(X.shape[-1] - self.first for X in self.own.values())
+        return self.first + sum(X.shape[-1] - self.first for X in self.by_flight.values())
 
     def at(self, flight: str) -> np.ndarray:
         """Return the positions (k',) of a flight's columns among all."""
@@ -93,7 +94,7 @@ class PayloadColumns:
         prior.
         """
         away = [self.guess.effect.values["damping"] / self.priors.damping]
-        for name, X in self.own.items():
+        for name, X in self.by_flight.items():
             units = swing_units(X.shape[-1] - self.first, self.rate)
             swing = padded(self.guess.hidden.get(name), len(units))
             away += (swing / units / self.priors.swing).tolist()
@@ -143,7 +144,7 @@ class PayloadColumns:
         columns = {}
         for e in flights:
             columns[e.name] = np.zeros((*e.y.shape, self.size))
-            columns[e.name][:, WRENCH][..., self.at(e.name)] = self.own[e.name]
+            columns[e.name][:, WRENCH][..., self.at(e.name)] = self.by_flight[e.name]
         return Candidate(
             (PAYLOAD,),
             f"length={self.guess.effect.values['length']:.3g}",
@@ -201,10 +202,13 @@ def payload_about(
     if shaped:
         longer = {**values, "length": values["length"] * (1 + SMALL)}
         braked = {**values, "damping": values["damping"] + SMALL}
-        shapes = [dc.replace(guess, effect=SuspendedPayload.of(own)) for own in (longer, braked)]
+        shapes = [
+            dc.replace(guess, effect=SuspendedPayload.of(shape_values))
+            for shape_values in (longer, braked)
+        ]
         widths = [priors.length, priors.damping]
     rate = math.sqrt(flights[0].vehicle.gravity / values["length"])
-    own = {}
+    by_flight = {}
     for e in flights:
         size = hidden_size(e, guess.begins(e.name)) if shaped else STATE
         swing = padded(guess.hidden.get(e.name), size)
@@ -222,8 +226,8 @@ def payload_about(
         X[:, AT_REST:] = (moved - rest) * (
             np.array([*widths, *[priors.swing] * size])[:, None] / SMALL
         )
-        own[e.name] = np.swapaxes(X, 1, 2) * e.shown[:, None]
-    return PayloadColumns(guess, own, rate, priors, shaped)
+        by_flight[e.name] = np.swapaxes(X, 1, 2) * e.shown[:, None]
+    return PayloadColumns(guess, by_flight, rate, priors, shaped)
 
 
 CHANNELS = 6  # force and torque alone see a payload
@@ -252,13 +256,13 @@ class OtherRegressors:
         self._noise = noise.head(CHANNELS)
         self._onset = onset or {}
         self._nuisance = sum(c.size for c in nuisance)
-        every = [*nuisance, *others]
-        self._size = sum(c.size for c in every)
+        candidates = [*nuisance, *others]
+        self._size = sum(c.size for c in candidates)
         self._white = []
         for e in flights:
             y = e.y[:, :CHANNELS, None]
             X = np.concatenate(
-                [y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in every)], axis=-1
+                [y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in candidates)], axis=-1
             )
             acting = np.flatnonzero(X.any(axis=(0, 1)))
             self._white.append((self._flat(e, X[..., acting]), self._flat(e, y)[:, 0], acting))
@@ -313,9 +317,9 @@ class OtherRegressors:
             alone: beside nuisance alone.
         """
         gram = self.grams(payload, horizon)[alone]
-        every = np.arange(payload.size)
-        mean, log_probability = heavy_enough(*gram.posterior(every))
-        return gram.log_evidence(every) + payload.log_prior + log_probability, mean
+        index = np.arange(payload.size)
+        mean, log_probability = heavy_enough(*gram.posterior(index))
+        return gram.log_evidence(index) + payload.log_prior + log_probability, mean
 
     def swing_alone(
         self, payload: PayloadColumns, horizon: float, mass: float, *, alone: bool = False
@@ -343,11 +347,11 @@ class OtherRegressors:
         Py = np.zeros(k)
         for e, (X, y, acting) in zip(self._flights, self._white, strict=True):
             rows = self._rows(e, horizon)
-            some = payload.at(e.name)
-            P = self._flat(e, payload.own[e.name])[:rows]
-            PX[np.ix_(some, acting)] += P.T @ X[:rows]
-            PP[np.ix_(some, some)] += P.T @ P
-            Py[some] += P.T @ y[:rows]
+            place = payload.at(e.name)
+            P = self._flat(e, payload.by_flight[e.name])[:rows]
+            PX[np.ix_(place, acting)] += P.T @ X[:rows]
+            PP[np.ix_(place, place)] += P.T @ P
+            Py[place] += P.T @ y[:rows]
         factor, b = self._base[horizon]
         # Nuisance comes first: its own factor and products are the first rows of those of all.
         B = scipy.linalg.solve_triangular(factor, PX.T, lower=True)
@@ -430,8 +434,8 @@ class PayloadSearch:
         """
         if PAYLOAD not in LIBRARY:
             return []
-        beside = OtherRegressors(self._flights, noise, nuisance, others, self._onset)
-        gains = self._profiles(beside)
+        regressors = OtherRegressors(self._flights, noise, nuisance, others, self._onset)
+        gains = self._profiles(regressors)
         if max(gains[False, horizon].max() for horizon in ENDS) < self._priors.onset_gain:
             return []
         starts: dict[tuple[bool, int, float], None] = {}
@@ -440,34 +444,38 @@ class PayloadSearch:
             second = next((i for i in order if abs(i - best) > 1), best)
             ways = ((best, ENDS[0]), (best, horizon), (second, horizon))
             starts |= dict.fromkeys((alone, *way) for way in ways)
-        found = [self._follow(beside, self._at_rest[i], first, alone) for alone, i, first in starts]
-        return self._distinct(beside, found)
+        payloads = [
+            self._follow(regressors, self._at_rest[i], first, alone) for alone, i, first in starts
+        ]
+        return self._distinct(regressors, payloads)
 
     def from_guesses(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Term]
     ) -> list[tuple[Term, Candidate]]:
         """Return payloads followed from guesses whose swing is not known."""
-        beside = OtherRegressors(self._flights, noise, nuisance, [], self._onset)
+        regressors = OtherRegressors(self._flights, noise, nuisance, [], self._onset)
         begun = [dc.replace(g, onset=self._onset, hidden={}) for g in guesses]
-        return self._distinct(beside, [self._follow(beside, g, HORIZONS[0]) for g in begun])
+        return self._distinct(regressors, [self._follow(regressors, g, HORIZONS[0]) for g in begun])
 
     def _distinct(
-        self, beside: OtherRegressors, found: Sequence[PayloadColumns | None]
+        self, regressors: OtherRegressors, payloads: Sequence[PayloadColumns | None]
     ) -> list[tuple[Term, Candidate]]:
         """Return the best, of different lengths."""
         kept: list[tuple[Term, Candidate]] = []
-        scored = [(beside.gain(p, math.inf)[0], p) for p in found if p is not None]
+        scored = [(regressors.gain(p, math.inf)[0], p) for p in payloads if p is not None]
         prior = -math.log(len(self._at_rest) / DISTINCT)
         lengths = list[float]()
         for _, payload in sorted(scored, key=lambda f: -f[0]):
             length = payload.guess.effect.values["length"]
             if len(kept) < KEPT and all(abs(math.log(length / of)) > NEAR for of in lengths):
-                own = payload.candidate(self._flights)
-                kept.append((payload.guess, dc.replace(own, log_prior=own.log_prior + prior)))
+                candidate = payload.candidate(self._flights)
+                kept.append(
+                    (payload.guess, dc.replace(candidate, log_prior=candidate.log_prior + prior))
+                )
                 lengths.append(length)
         return kept
 
-    def _profiles(self, beside: OtherRegressors) -> dict[tuple[bool, float], np.ndarray]:
+    def _profiles(self, regressors: OtherRegressors) -> dict[tuple[bool, float], np.ndarray]:
         """Return the gain at each length (lengths,), beside all or beside nuisance alone, up to
         either of `ENDS`.
         """
@@ -477,20 +485,22 @@ class PayloadSearch:
         for guess in self._at_rest:
             payload = payload_about(self._flights, guess, self._priors, shaped=False)
             for horizon in ENDS:
-                for alone, gram in zip((False, True), beside.grams(payload, horizon), strict=True):
+                for alone, gram in zip(
+                    (False, True), regressors.grams(payload, horizon), strict=True
+                ):
                     evidence = gram.log_evidence(np.arange(payload.size))
                     gains[alone, horizon].append(payload.log_prior + evidence)
         return {asked: np.array(profile) for asked, profile in gains.items()}
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Term) -> Onset:
         """Return sharpened onsets [s] of a payload like the guess, its swing free."""
-        found = dict(self._onset)
+        onsets = dict(self._onset)
 
         def best_about(e: FlightResiduals, near: float, span: float, step: float) -> float:
             """Return the best instant of one flight within `span` of `near` [s]."""
             head = [e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))]
             horizon = AFTER_ONSET
-            beside = OtherRegressors(head, noise, nuisance, [], {e.name: near}, (horizon,))
+            regressors = OtherRegressors(head, noise, nuisance, [], {e.name: near}, (horizon,))
             first = max(e.t[1], near - span)
             last = min(e.t[-1], near + span)
             times = np.arange(first, last, max(step, e.grid.step)).tolist()
@@ -499,13 +509,13 @@ class PayloadSearch:
                 payload = dc.replace(guess, onset={e.name: t}, hidden={})
                 for _ in range(1 + STEPS):
                     columns = payload_about(head, payload, self._priors)
-                    gain, mean = beside.gain(columns, horizon)
+                    gain, mean = regressors.gain(columns, horizon)
                     payload = columns.moved(mean)
                 gains.append(gain)
             return times[np.argmax(gains)]
 
         for e in self._flights:
-            near = found.get(e.name)
+            near = onsets.get(e.name)
             if near is None or near == NEVER:
                 continue
             for span, step in SHARPENED:
@@ -514,11 +524,11 @@ class PayloadSearch:
                     near = best_about(e, near, span, step)
                     if abs(near - before) <= 0.5 * span:
                         break
-            found[e.name] = near
-        return found
+            onsets[e.name] = near
+        return onsets
 
     def _follow(
-        self, beside: OtherRegressors, guess: Term, first: float, alone: bool = False
+        self, regressors: OtherRegressors, guess: Term, first: float, alone: bool = False
     ) -> PayloadColumns | None:
         """From a guess through the horizons, to the payload about which it fits best; none where it
         is lost.
@@ -531,16 +541,16 @@ class PayloadSearch:
         """
         mean = np.zeros(0)
         priors = self._priors
-        for horizon in [h for h in beside.horizons if h >= first]:
-            flights = beside.heads[horizon]
+        for horizon in [h for h in regressors.horizons if h >= first]:
+            flights = regressors.heads[horizon]
             payload = payload_about(flights, guess, priors)
             for _ in range(STEPS - 1 if len(mean) else 0):
-                swung = beside.swing_alone(payload, horizon, mean[0], alone=alone)
+                swung = regressors.swing_alone(payload, horizon, mean[0], alone=alone)
                 payload = payload_about(flights, payload.moved(swung), priors)
-            gain, mean = beside.gain(payload, horizon, alone=alone)
+            gain, mean = regressors.gain(payload, horizon, alone=alone)
             for _ in range(STEPS):
                 new = payload_about(flights, payload.moved(mean), priors)
-                new_gain, new_mean = beside.gain(new, horizon, alone=alone)
+                new_gain, new_mean = regressors.gain(new, horizon, alone=alone)
                 if new_gain < gain and horizon == math.inf:
                     break
                 before = gain

@@ -21,7 +21,7 @@ VEHICLE = "name: mine\nmass: 2.5\n"
 LEFT = an.Remainder(0.02, (0.01, 0.05), 0.05, 0.0, 0.01, 0.4, 0.1)
 
 
-def answer(vehicle, train, held_out, replay, *, on_progress, **how) -> an.Diagnosis:
+def answer(train, held_out, vehicle, replay, *, on_progress, **how) -> an.Diagnosis:
     """A mass error, whatever the logs say; the replay is the real one."""
     on_progress(0.5, "half")
     tolerance, material = how["tolerance"], how["material"]

@@ -80,7 +80,7 @@ def test_the_first_sentence_names_three_numbers_and_which_are_told(found):
     line = headline(found)
     for name in ("thrust coefficient", "inertia xx", "time constant up"):
         if name in {q.name for q in found.quantities}:
-            told = "told" if found[name].told else "not told"
+            told = "told" if found[name].observable else "not told"
             assert re.search(rf"{name} [^;]*? \(±[^)]*, {told}\)", line), name
     assert line.startswith("5 flights of crazyflie_brushless: ")
 

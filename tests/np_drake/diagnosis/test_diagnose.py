@@ -29,7 +29,7 @@ def diagnosed(fly, quick_searches):
     def answer(*effects, onset=None, **how) -> Diagnosis:
         own = {**SHORT, "onset": dict(onset or ()), **how}
         train = [fly(*effects, name=n, seed=i, **own) for i, n in enumerate(("a", "b"), start=1)]
-        return diagnose(VEHICLE, train, [fly(*effects, name="c", seed=3, **own)])
+        return diagnose(train, [fly(*effects, name="c", seed=3, **own)], VEHICLE)
 
     return answer
 
@@ -77,7 +77,7 @@ def bad_inputs(fly):
 def test_bad_inputs_are_refused_in_one_line_that_says_what_is_wrong(fly):
     for message, train, held_out in bad_inputs(fly):
         with pytest.raises(ValueError, match=message) as error:
-            diagnose(VEHICLE, train, held_out)
+            diagnose(train, held_out, VEHICLE)
         assert "\n" not in str(error.value)
         assert str(error.value).startswith("diagnose: ")
 
@@ -87,7 +87,7 @@ REAL = Options.for_sensors(True)
 
 def test_tolerance_and_options_together_are_refused():
     with pytest.raises(ValueError, match="either tolerance or options"):
-        diagnose(Vehicle(), [], [], tolerance=Tolerance(), options=REAL)
+        diagnose([], [], Vehicle(), tolerance=Tolerance(), options=REAL)
 
 
 def test_a_material_force_is_in_proportion_to_a_material_position_error():
@@ -134,7 +134,7 @@ def beside(fly, quick_searches):
         for name, seed in FLIGHTS
     ]
     neighbours = {name: [above] for name, _ in FLIGHTS}
-    return diagnose(VEHICLE, logs[:2], logs[2:], neighbours=neighbours)
+    return diagnose(logs[:2], logs[2:], VEHICLE, neighbours=neighbours)
 
 
 def test_the_strength_of_a_downwash_lies_in_its_interval(beside):

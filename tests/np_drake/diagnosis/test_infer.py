@@ -60,14 +60,14 @@ def test_a_cause_that_predicts_beside_what_is_not_named_alone_is_none(seen, infe
     dut = dc.replace(found, causes=[drag])
     assert [c.identifier for c in module.as_named(dut).causes] == ["linear_drag"]
     elsewhere = dc.replace(found.ranking, problem=clean.ranking.problem)
-    alone = module.as_named(dc.replace(dut, ranking=elsewhere, held=clean.held))
+    alone = module.as_named(dc.replace(dut, ranking=elsewhere, held_out=clean.held_out))
     assert alone.causes == []
     assert "predict" in alone.below_threshold[-1].text
 
 
 def test_a_force_that_follows_the_place_is_unknown_and_not_gusts(of):
     dut = of(WALL, WALL, WALL)
-    assert dut.left.matters
+    assert dut.remainder.matters
     assert "gusty_wind" not in {c.identifier for c in dut.causes}
     assert "place" in {f.name for f in dut.findings}
 
@@ -75,4 +75,4 @@ def test_a_force_that_follows_the_place_is_unknown_and_not_gusts(of):
 def test_a_slow_force_that_follows_no_place_is_gusts(of):
     dut = of(*(GustyWind(0.0, 0.0, 0.0, 1.0, 0.8, seed) for seed in (61, 62, 63)))
     assert {c.identifier for c in dut.causes} == {"linear_drag", "gusty_wind"}
-    assert not dut.left.matters
+    assert not dut.remainder.matters

@@ -48,7 +48,7 @@ def flights():
 
 
 def found(vehicle, flights):
-    return diagnose(vehicle, flights[:2], flights[2:], tolerance=Tolerance(), adaptive_split=False)
+    return diagnose(flights[:2], flights[2:], vehicle, tolerance=Tolerance(), adaptive_split=False)
 
 
 def test_what_a_stated_interval_excludes_is_named_with_its_size(flights):

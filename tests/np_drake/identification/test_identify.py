@@ -73,7 +73,7 @@ def test_a_collective_command_tells_its_curve_and_no_rotor(by_collective):
     for name, (value, tolerance) in truth.items():
         assert dut[name].value == pytest.approx(value, abs=tolerance), name
         assert dut[name].low - tolerance < value < dut[name].high + tolerance
-        assert dut[name].told, name
+        assert dut[name].observable, name
     named = " ".join(q.name for q in dut.quantities)
     assert not any(word in named for word in ("inertia", "rotor", "torque", "centre of mass"))
 

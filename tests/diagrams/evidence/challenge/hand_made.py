@@ -136,7 +136,7 @@ class Answered:
 
     refit = None
 
-    def __init__(self, vehicle, train, held_out, replay):
+    def __init__(self, train, held_out, vehicle, replay):
         self.content = {"train": [log.name for log in train], "replay": replay is not None}
 
     def as_json(self):

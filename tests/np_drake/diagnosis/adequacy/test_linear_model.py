@@ -82,6 +82,6 @@ def test_the_evidence_of_a_structure_is_that_of_a_direct_linear_regression(model
 
 def test_the_margin_of_a_planted_effect_is_large_of_an_absent_negative(absent):
     dut, _ = absent
-    drag, other, *_ = dut.margins(())
+    drag, other, *_ = dut.log_odds(())
     assert drag > 100.0
     assert other < PRIOR + 2.0  # what noise may bring

@@ -39,7 +39,7 @@ def since(fly):
         usual = cells and 1.0
         how["before"] = [flown(name=f"before {i}", seed=i, cells=usual) for i in (1, 2)]
         after = [flown(*changes, name=f"after {i}", seed=i, cells=cells) for i in (3, 4, 5)]
-        return diagnose(UNMEASURED, after[:2], after[2:], **how)
+        return diagnose(after[:2], after[2:], UNMEASURED, **how)
 
     return answer
 
@@ -108,6 +108,6 @@ def test_a_change_beyond_the_smallest_visible_is_named(since):
 def test_a_flight_before_that_is_short_or_one_of_those_after_is_refused(fly):
     a, b = fly(name="a", seconds=5.0), fly(name="b", seed=1, seconds=5.0)
     with pytest.raises(ValueError, match=r"d.* at least 3 s"):
-        diagnose(Vehicle(), [a], [b], before=[fly(name="d", seed=2, seconds=2.0)])
+        diagnose([a], [b], Vehicle(), before=[fly(name="d", seed=2, seconds=2.0)])
     with pytest.raises(ValueError, match="c is the same flight as d"):
-        diagnose(Vehicle(), [a], [dc.replace(b, name="c")], before=[dc.replace(b, name="d")])
+        diagnose([a], [dc.replace(b, name="c")], Vehicle(), before=[dc.replace(b, name="d")])

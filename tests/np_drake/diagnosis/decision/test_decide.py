@@ -11,12 +11,12 @@ from scipy import special
 from np_drake.diagnosis.decision import decide as module
 from np_drake.diagnosis.decision.decide import (
     MOST_ALTERNATIVES,
+    decide_term,
     equivalents,
-    judge,
     without_late_onsets,
     without_missing_drag,
 )
-from np_drake.diagnosis.decision.support import Support
+from np_drake.diagnosis.decision.predictive_evidence import PredictiveGain
 from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out import on_held_out
@@ -42,12 +42,12 @@ def drag(ranked):
 
 @pytest.fixture(scope="module")
 def margins(drag):
-    return LinearModel(drag.ranking).margins(())
+    return LinearModel(drag.ranking).log_odds(())
 
 
 @pytest.fixture(scope="module")
 def judged_with(drag, margins):
-    """Return the arguments of `judge` for the flights with drag, under another fit or
+    """Return the arguments of `decide_term` for the flights with drag, under another fit or
     options.
     """
 
@@ -67,18 +67,18 @@ def judged_with(drag, margins):
 
 def test_a_probability_is_that_of_the_model_its_margin_and_its_size(judged_with):
     ranking, margins, held = judged_with(probability={"linear_drag": 0.8})
-    found = judge(ranking, margins, held, 0)
+    found = decide_term(ranking, margins, held, 0)
     assert found.in_model == pytest.approx(0.8 * special.expit(margins[0]))
     assert found.material == 1.0
     assert found.probability == pytest.approx(found.in_model)
     assert dc.replace(found, material=0.5).probability == pytest.approx(0.5 * found.in_model)
     assert dc.replace(found, stands_for="no drag pushes").probability == 0.0
-    weak = dc.replace(found, support=Support(1.8, np.full(4, 0.45), tuple("aabb"), np.zeros(0)))
+    weak = dc.replace(found, gain=PredictiveGain(1.8, np.full(4, 0.45), tuple("aabb"), np.zeros(0)))
     assert weak.reason.startswith("it does not predict: 1.8 ")
     late = dc.replace(weak, timing=0.01)
     assert "which the logs leave open by" in late.reason
     assert module._finding(DRAG, {}, late, ()).figures["timing"] == 0.01
-    worse = dc.replace(late, support=dc.replace(weak.support, held_out=np.full(4, -9.0)))
+    worse = dc.replace(late, gain=dc.replace(weak.gain, held_out=np.full(4, -9.0)))
     assert worse.reason == "held-out flights are predicted better without it"
     assert "timing" not in module._finding(DRAG, {}, worse, ()).figures
 

@@ -41,7 +41,7 @@ def logs(fly):
 @pytest.fixture(scope="module")
 def diagnosed(logs):
     """Return the diagnosis of these flights; each is worked out once."""
-    return cache(lambda *effects: diagnose(Vehicle(), *logs(*effects)))
+    return cache(lambda *effects: diagnose(*logs(*effects), Vehicle()))
 
 
 def test_what_training_does_not_excite_is_in_the_second_answer_as_novel(diagnosed):

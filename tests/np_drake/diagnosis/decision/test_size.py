@@ -85,7 +85,7 @@ def options_of(lean: float, still_air: float = MATERIALITY.still_air) -> Options
 
 def wind_at(fit_at, flights, wind, options) -> float:
     fit = fit_at(DRAG, wind, covariance=1e-3)
-    return float(np.mean(SizePosterior(fit, 1, flights).blows(options)))
+    return float(np.mean(SizePosterior(fit, 1, flights).wind(options)))
 
 
 @pytest.mark.parametrize("speed, share", [(0.2, 0.0), (0.3, 1.0), (-3.0, 1.0)])
@@ -115,4 +115,4 @@ def test_a_wind_counts_by_what_it_pushes_while_it_acts(fit_at, flights):
     absent = dc.replace(e, log=dc.replace(e.log, name="b"))
     new = dc.replace(fit, terms=(fit.terms[0], dc.replace(fit.terms[1], onset={"b": NEVER})))
     posterior = SizePosterior(new, 1, [e, absent, absent])
-    assert posterior.blows(options_of(lean, 0.0)).all()
+    assert posterior.wind(options_of(lean, 0.0)).all()

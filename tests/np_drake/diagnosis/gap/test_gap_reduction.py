@@ -21,7 +21,7 @@ REAL = Options.for_sensors(True)
 def solved(ranked):
     case = ranked(MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
     held = on_held_out(case.fit, case.held_out, case.ranking.noise, REAL)
-    causes, _ = decide(case.ranking, LinearModel(case.ranking).margins(()), held)
+    causes, _ = decide(case.ranking, LinearModel(case.ranking).log_odds(()), held)
     return case, held, causes
 
 

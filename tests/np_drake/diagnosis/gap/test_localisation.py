@@ -57,10 +57,10 @@ def test_the_gap_has_three_kinds_with_shares_of_their_own():
     kinds = [part.kind for part in (lateral, vertical, torque)]
     assert kinds == ["lateral force", "vertical force", "torque"]
     assert lateral.before == pytest.approx(0.05 * np.hypot(8, 7))  # [N]
-    assert vertical.left == pytest.approx((1.08**2 - 1) / (22**2 - 1))
+    assert vertical.remaining == pytest.approx((1.08**2 - 1) / (22**2 - 1))
     assert vertical.above_noise == pytest.approx(0.05 * np.sqrt(1.08**2 - 1))  # [N]
 
 
 def test_without_a_gap_no_share_is_left_of_it():
-    assert np.isnan(gap_kinds([ChannelGap("force z", "N", 0.08, 0.08, 0.08)])[0].left)
+    assert np.isnan(gap_kinds([ChannelGap("force z", "N", 0.08, 0.08, 0.08)])[0].remaining)
     assert gap_kinds([]) == []

@@ -20,8 +20,8 @@ SLOW = ResidualFinding(
 
 def with_left(diagnosis, **changes):
     """The same diagnosis with another remainder."""
-    left = dc.replace(diagnosis.gap_reduction.left, **changes)
-    return dc.replace(diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, left=left))
+    left = dc.replace(diagnosis.gap_reduction.remainder, **changes)
+    return dc.replace(diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, remainder=left))
 
 
 def reduced(diagnosis, fraction=0.998, before=None, after=None):

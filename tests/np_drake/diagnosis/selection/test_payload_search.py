@@ -58,7 +58,9 @@ def test_columns_of_a_payload_mean_what_its_guess_moves_to(seen):
     for e in flights:
         elsewhere = np.setdiff1d(np.arange(dut.size), dut.at(e.name))
         assert not columns[e.name][..., elsewhere].any()
-        np.testing.assert_array_equal(columns[e.name][:, :6][..., dut.at(e.name)], dut.own[e.name])
+        np.testing.assert_array_equal(
+            columns[e.name][:, :6][..., dut.at(e.name)], dut.by_flight[e.name]
+        )
         assert not columns[e.name][:, 6:].any()
         still = np.where(np.arange(dut.size) == 0, c, 0.0)
         moved = (

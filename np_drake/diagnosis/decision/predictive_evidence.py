@@ -54,10 +54,10 @@ class Blocks:
         """Return the Gram matrix (k + 1, k + 1) of shared columns and target, those of the flight
         integrated out.
         """
-        own = np.arange(self.shared, len(self.owners))
-        order = np.concatenate([own, np.arange(self.shared), [-1]])
+        flight_columns = np.arange(self.shared, len(self.owners))
+        order = np.concatenate([flight_columns, np.arange(self.shared), [-1]])
         total = np.sum(self.grams, axis=0)[np.ix_(order, order)]
-        return Gram(total, total[-1]).given(len(own)).XX
+        return Gram(total, total[-1]).given(len(flight_columns)).XX
 
     def scores(self, known: Sequence[np.ndarray]) -> np.ndarray:
         """Return the log score (n,) of each block, predicted from other flights and the blocks
@@ -70,7 +70,7 @@ class Blocks:
         for gram in known:
             total[place] += gram
         before = _fitted(total)
-        found = []
+        log_scores = []
         for gram, n in zip(self.grams, self.values, strict=True):
             total = total + gram
             after = _fitted(total)
@@ -78,9 +78,11 @@ class Blocks:
             # differences of those of all that is known after and before it.
             square = after[0] - before[0]
             logdet = after[1] - before[1]
-            found.append(-0.5 * logdet - 0.5 * (DEGREES + n) * np.log1p(max(square, 0.0) / DEGREES))
+            log_scores.append(
+                -0.5 * logdet - 0.5 * (DEGREES + n) * np.log1p(max(square, 0.0) / DEGREES)
+            )
             before = after
-        return np.array(found)
+        return np.array(log_scores)
 
 
 def _fitted(gram: np.ndarray) -> tuple[float, float]:
@@ -96,7 +98,7 @@ LEAST = 3.0  # log score by which a term must predict better, as of a prior of o
 
 
 @dc.dataclass(frozen=True)
-class Support:
+class PredictiveGain:
     """Gain of a term in log score, block by block: by training flight predicted from the others,
     and held-out flight.
 
@@ -174,8 +176,8 @@ def _error(gains: np.ndarray) -> float:
     )
 
 
-def support_of(ranking: Ranking, held: HeldOut) -> list[Support]:
-    """Return the support of every term of the best fit.
+def predictive_evidence(ranking: Ranking, held_out: HeldOut) -> list[PredictiveGain]:
+    """Return the gain in prediction of every term of the best fit.
 
     The model is linear about the fit. Hidden states and what differs from flight to flight are free
     in every flight. On held-out flights onsets and hidden states are as they are there.
@@ -184,15 +186,15 @@ def support_of(ranking: Ranking, held: HeldOut) -> list[Support]:
     flights = ranking.problem.flights
     tolerance = ranking.options.tolerance
     vehicle = vehicle_columns(flights, tolerance, ranking.options.priors)
-    every = [*flights, *held.flights]
-    columns = {e.name: ([of(e) for of in vehicle], errors_of(e, tolerance)) for e in every}
+    all_flights = [*flights, *held_out.flights]
+    columns = {e.name: ([of(e) for of in vehicle], errors_of(e, tolerance)) for e in all_flights}
 
     def linear_without(gone: set[int]) -> dict[str, Blocks]:
         """Return all flights, linear about the fit without some terms."""
         blocks = {}
         shared = [f for f in fit.free if not f.flight and f.term not in gone]
-        for e in every:
-            now = list(held.whole_flight_terms.get(e.name, fit.everything))
+        for e in all_flights:
+            now = list(held_out.whole_flight_terms.get(e.name, fit.everything))
             swings = [f for f in _swings(fit, e, now) if f.term not in gone]
             for k in gone:
                 now[k] = dc.replace(now[k], onset={e.name: NEVER})
@@ -210,25 +212,27 @@ def support_of(ranking: Ranking, held: HeldOut) -> list[Support]:
             for i, e in enumerate(flights)
             if not e.earlier
         ]
-        judged = [np.zeros(0), *(blocks[e.name].scores(known) for e in held.flights)]
+        judged = [np.zeros(0), *(blocks[e.name].scores(known) for e in held_out.flights)]
         return turns, np.concatenate(others), np.concatenate(judged)
 
-    whole = linear_without(set())
-    best = scores(whole)
-    found = []
-    names = tuple(e.name for e in flights if not e.earlier for _ in whole[e.name].values)
-    own = (*of_vehicle(flights[0], tolerance), *of_flight(flights[0], tolerance))
-    calibrated = {d.effect.identifier for d in own} | {t.effect.identifier for t in fit.calibration}
+    with_all = linear_without(set())
+    best = scores(with_all)
+    evidence = []
+    names = tuple(e.name for e in flights if not e.earlier for _ in with_all[e.name].values)
+    deviations = (*of_vehicle(flights[0], tolerance), *of_flight(flights[0], tolerance))
+    calibrated = {d.effect.identifier for d in deviations} | {
+        t.effect.identifier for t in fit.calibration
+    }
     for i, term in enumerate(fit.terms):
         gone = with_dependants(fit.terms, i)
         # A wind is in the derivatives of the drag through which it acts.
-        left = {name: b.without(gone) for name, b in whole.items()}
-        rest = scores(linear_without(gone) if term.effect.needs else left)
+        without = {name: b.without(gone) for name, b in with_all.items()}
+        rest = scores(linear_without(gone) if term.effect.needs else without)
         gains = best[1] - rest[1]
         total = best[0] - rest[0] if term.effect.identifier in calibrated else float(gains.sum())
         total += fit.onset_prior_of(i)  # an onset is of the flight itself that it predicts
-        found.append(Support(total, gains, names, best[2] - rest[2]))
-    return found
+        evidence.append(PredictiveGain(total, gains, names, best[2] - rest[2]))
+    return evidence
 
 
 def _swings(fit: Fit, e: FlightResiduals, now: Sequence[Term]) -> list[Free]:
@@ -250,7 +254,7 @@ def _blocks(
     e: FlightResiduals,
     now: Sequence[Term],
     shared: Sequence[Free],
-    own: Sequence[Free],
+    of_flight: Sequence[Free],
     noise: NoiseModel,
     vehicle: Sequence[np.ndarray],
     errors: np.ndarray,
@@ -258,11 +262,11 @@ def _blocks(
     """Return the blocks of a flight, linear about the terms; parameters `shared` by all flights,
     and its own.
     """
-    every = [*shared, *own]
+    free = [*shared, *of_flight]
     n = len(shared)
-    scale, neutral = (np.array([getattr(f, name) for f in every]) for name in ("scale", "neutral"))
-    away = (read(now, every) - neutral) / scale
-    J = _through_neutral(scaled_jacobian(now, every, e), every, away, now, e)
+    scale, neutral = (np.array([getattr(f, name) for f in free]) for name in ("scale", "neutral"))
+    away = (read(now, free) - neutral) / scale
+    J = _through_neutral(scaled_jacobian(now, free, e), free, away, now, e)
     target = e.uncalibrated - predicted_residual(e, now) + J @ away
     root = np.linalg.inv(prior_whitening(now, shared))
     parts = [J[..., :n] @ root, *vehicle, J[..., n:], errors, target[..., None]]
@@ -270,7 +274,7 @@ def _blocks(
     count = max(1, round(len(white) * e.grid.step / LENGTH))
     rows = [part.reshape(-1, part.shape[-1]) for part in np.array_split(white, count) if len(part)]
     none = [-1] * sum(X.shape[-1] for X in vehicle)
-    owners = [f.term for f in shared] + none + [f.term for f in own] + [-1] * errors.shape[-1]
+    owners = [f.term for f in shared] + none + [f.term for f in of_flight] + [-1] * errors.shape[-1]
     grams = [part.T @ part for part in rows]
     values = [len(part) for part in rows]
     return Blocks(grams, values, np.array(owners, int), n + len(none))
@@ -285,11 +289,11 @@ def _through_neutral(
     predict something of its absence. Source: secant update of rank one (Broyden).
     """
     J = J.copy()
-    whole = predicted_residual(e, now)
+    predicted = predicted_residual(e, now)
     for i in {f.term for f in free}:
         distance = np.where(np.array([f.term == i for f in free]), away, 0.0)
         if distance.any():
-            given = whole - predicted_residual(e, [t for k, t in enumerate(now) if k != i])
+            given = predicted - predicted_residual(e, [t for k, t in enumerate(now) if k != i])
             J += (given - J @ distance)[..., None] * (distance / (distance @ distance))
     return J
 
@@ -304,20 +308,20 @@ def visible_changes(ranking: Ranking) -> dict[str, float]:
     """
     problem = ranking.problem
     priors = ranking.options.priors
-    found = dict[str, float]()
+    visible = dict[str, float]()
     earlier = {e.name for e in problem.flights if e.earlier}
     later = [e for e in problem.flights if not e.earlier]
     least = ranking.options.materiality
     command = np.concatenate(
         [e.nominal[:, TORQUE] - e.nominal[:, TORQUE].mean(axis=0) for e in later]
     )
-    own = next((m.members for m in ranking.models if m.members), ())
+    members = next((m.members for m in ranking.models if m.members), ())
     for k, c in enumerate(problem.candidates):
         if set(c.onset) != earlier or c.size != 1 or c.generic:
             continue
         effect = c.terms(np.ones(1))[0].effect
         (p,) = (p for p in effect.parameters if not p.choices)
-        others = [i for i in own if not {*problem.candidates[i].identifiers} & {*c.identifiers}]
+        others = [i for i in members if not {*problem.candidates[i].identifiers} & {*c.identifiers}]
         (deviation,) = problem.deviations(k, others)
         if deviation == 0:  # the flights show nothing of it
             continue
@@ -329,5 +333,5 @@ def visible_changes(ranking: Ranking) -> dict[str, float]:
         size = max(deviation * np.sqrt(2 * paid), 1.0 / max(force, torque, 1e-12))
         name = f"{effect.identifier}.{p.name}"
         unit = abs(getattr(effect, p.name) - p.neutral)
-        found[name] = max(found.get(name, 0.0), float(unit * size))
-    return found
+        visible[name] = max(visible.get(name, 0.0), float(unit * size))
+    return visible

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.support import DEGREES, Blocks, Support, support_of
+from np_drake.diagnosis.decision.predictive_evidence import (
+    DEGREES,
+    Blocks,
+    PredictiveGain,
+    predictive_evidence,
+)
 from np_drake.effects.linear_drag import LinearDrag
 
 
@@ -73,7 +78,7 @@ DRAG = LinearDrag(0.3, 0.3, 0.3)
 
 def gaining(total, gains, held_out=()):
     gains = np.array(gains, float)
-    return Support(total, gains, ("a",) * len(gains), np.array(held_out, float))
+    return PredictiveGain(total, gains, ("a",) * len(gains), np.array(held_out, float))
 
 
 def test_a_steady_gain_is_sure_and_none_is_not():
@@ -84,7 +89,7 @@ def test_a_steady_gain_is_sure_and_none_is_not():
 
 def test_a_gain_in_one_flight_that_costs_another_is_not_sure():
     gains = np.array([10.0] * 5 + [-8.0] * 5)
-    apart = Support(60.0, gains, ("a",) * 5 + ("b",) * 5, np.zeros(0))
+    apart = PredictiveGain(60.0, gains, ("a",) * 5 + ("b",) * 5, np.zeros(0))
     assert apart.probability < 0.7 < gaining(60.0, [6.0] * 10).probability
 
 
@@ -102,7 +107,7 @@ def test_a_drag_that_acts_predicts_every_flight_and_the_held_out_one(seen, infer
     ]
     found = inferred(flights[:2], flights[2:])
     names = [t.effect.identifier for t in found.ranking.best.terms]
-    dut = support_of(found.ranking, found.held)[names.index("linear_drag")]
+    dut = predictive_evidence(found.ranking, found.held_out)[names.index("linear_drag")]
     assert dut.probability > 0.99
     assert min(dut.gains[np.array(dut.flights) == name].sum() for name in "ab") > 0
     assert dut.held_out.sum() > 0
