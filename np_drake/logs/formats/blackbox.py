@@ -31,7 +31,9 @@ from np_drake.files.file_access import decompressed_start
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox_frames import (
     BATTERY,
+    CONSTANT,
     DAMAGED,
+    ENCODING,
     ENCODINGS,
     ENDED,
     KINDS,
@@ -39,9 +41,13 @@ from np_drake.logs.formats.blackbox_frames import (
     MIN_MOTOR,
     MIN_THROTTLE,
     NULL,
+    PREDICTOR,
     PREDICTORS,
     ROWS,
     STICK_CENTRE,
+    Frames,
+    I,
+    P,
     read_frames,
 )
 from np_drake.logs.formats.format import (
@@ -77,16 +83,17 @@ MAIN = "main"
 BODY = "body"
 FULL = 32767.0  # of a component of Betaflight's quaternion that is 1
 FORGETS = np.radians(20.0)  # turn between two rows that no vehicle makes; own choice
-QUATERNION = indexed("quat", 4)
-GYRO = indexed("gyro", 3)
-ACCELEROMETER = indexed("acc", 3)
-VECTOR_PART = indexed("imuQuaternion", 3)
-TURNED = indexed("hoverAttitude", 4) + indexed("quat", 4)
-IMU = indexed("gyroADC", 3) + indexed("accSmooth", 3)
+QUATERNION = expanded("quat[{0,1,2,3}]")
+GYRO = expanded("gyro[{0,1,2}]")
+ACCELEROMETER = expanded("acc[{0,1,2}]")
+VECTOR_PART = expanded("imuQuaternion[{0,1,2}]")
+TURN = expanded("hoverAttitude[{0,1,2,3}]")
+GYRO_ADC = expanded("gyroADC[{0,1,2}]")
+ACC_SMOOTH = expanded("accSmooth[{0,1,2}]")
 # Columns of the body, by those of the main frames from which they follow.
 BODIES = {
     tuple(VECTOR_PART): tuple(QUATERNION),
-    (*TURNED, *IMU): (*QUATERNION, *GYRO, *ACCELEROMETER),
+    (*TURN, *QUATERNION, *GYRO_ADC, *ACC_SMOOTH): (*QUATERNION, *GYRO, *ACCELEROMETER),
 }
 
 
@@ -254,23 +261,27 @@ def body_values(main: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         xyz = np.stack([main[name] for name in VECTOR_PART])
         w = np.sqrt(np.maximum(FULL**2 - np.sum(xyz**2, axis=0), 0.0))
         return dict(zip(QUATERNION, (w, *xyz), strict=True))
-    turn, logged = (
-        np.stack([main[column] for column in indexed(name, 4)], axis=1)
-        for name in ("hoverAttitude", "quat")
-    )
-    turn = turn / np.maximum(np.linalg.norm(turn, axis=1, keepdims=True), 1.0)
+    turn = _of_unit_length(_vectors(main, TURN))
     final = np.broadcast_to(turn[-1:], turn.shape)
-    logged = logged / np.maximum(np.linalg.norm(logged, axis=1, keepdims=True), 1.0)
+    logged = _of_unit_length(_vectors(main, QUATERNION))
     of_imu = attitude.multiply(logged, attitude.conjugate(turn))
-    found = dict(zip(QUATERNION, attitude.multiply(of_imu, final).T, strict=True))
-    for name, columns in (("gyroADC", GYRO), ("accSmooth", ACCELEROMETER)):
-        vector = np.stack([main[column] for column in indexed(name, 3)], axis=1)
-        found |= zip(columns, attitude.rotate_back(final, vector).T, strict=True)
-    told = _told(of_imu, turn)
-    return {name: np.where(told, values, np.nan) for name, values in found.items()}
+    body = dict(zip(QUATERNION, attitude.multiply(of_imu, final).T, strict=True))
+    for logged_names, names in ((GYRO_ADC, GYRO), (ACC_SMOOTH, ACCELEROMETER)):
+        vectors = attitude.rotate_back(final, _vectors(main, logged_names))
+        body |= zip(names, vectors.T, strict=True)
+    known = _known_axes(of_imu, turn)
+    return {name: np.where(known, values, np.nan) for name, values in body.items()}
 
 
-def _told(of_imu: np.ndarray, turn: np.ndarray) -> np.ndarray:
+def _vectors(columns: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
+    return np.stack([columns[name] for name in names], axis=1)
+
+
+def _of_unit_length(q: np.ndarray) -> np.ndarray:
+    return q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1.0)
+
+
+def _known_axes(of_imu: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """Return the rows (n,) behind the last at which the IMU's attitude jumps before any turn of it
     is learnt.
     """
@@ -287,6 +298,11 @@ MOST_LOOPS = 1 << 14  # between two frames, own choice: 2 s at 8 kHz; the firmwa
 LONGEST_LINE = 1 << 16  # [bytes], own choice
 FIELD = re.compile(r"Field ([A-Z]) (\w+)")
 NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
+COLUMNS = {  # lines on the fields, in the order of the tables, and the numbers they may hold
+    "encoding": ENCODINGS,
+    "predictor": range(PREDICTORS),
+    "signed": range(2),
+}
 REMEDY = "Copy it again from the vehicle"
 STARTS = {MIN_THROTTLE: "minthrottle", BATTERY: "vbatref", MIN_MOTOR: "motorOutput"}  # by predictor
 # Settings that give columns their meaning: logs of one file that differ in them cannot share a map.
@@ -323,7 +339,7 @@ class _Session:
 
     number: from 1.   settings: of its header, by name.   names: of the fields of its main frames.
     first, stop: place of its first frame and behind its last byte.
-    The others are arguments of `read_frames`.
+    frames: their definitions.
     """
 
     number: int
@@ -331,10 +347,7 @@ class _Session:
     names: tuple[str, ...]
     first: int
     stop: int
-    counts: np.ndarray
-    tables: Mapping[str, np.ndarray]
-    places: np.ndarray
-    intervals: np.ndarray
+    frames: Frames
 
     @property
     def columns(self) -> dict[str, tuple[str, ...]]:
@@ -353,15 +366,15 @@ def _numbers(text: str) -> list[float]:
     """Return the numbers of a setting; a float whose bits are written in hexadecimal is one,
     too.
     """
-    found = []
-    for part in text.split(","):
-        if re.fullmatch(r"0x[0-9a-fA-F]{1,8}", part.strip()):
-            found.append(float(np.uint32(int(part, 16)).view(np.float32)))
-        elif NUMBER.fullmatch(part.strip()):
-            found.append(float(part))
+    numbers = []
+    for part in map(str.strip, text.split(",")):
+        if re.fullmatch(r"0x[0-9a-fA-F]{1,8}", part):
+            numbers.append(float(np.uint32(int(part, 16)).view(np.float32)))
+        elif NUMBER.fullmatch(part):
+            numbers.append(float(part))
         else:
             return []
-    return found if np.all(np.isfinite(found)) else []
+    return numbers if np.all(np.isfinite(numbers)) else []
 
 
 def _sessions(path: Path, content: bytes) -> tuple[list[_Session], list[str]]:
@@ -375,7 +388,7 @@ def _sessions(path: Path, content: bytes) -> tuple[list[_Session], list[str]]:
         f"{path}: must hold the header of a blackbox log ({MARK.decode()}); it has none. {REMEDY}.",
         LogError,
     )
-    found = []
+    sessions = []
     bad = []
     for number, (start, stop) in enumerate(
         zip(starts, [*starts[1:], len(content)], strict=True), start=1
@@ -383,12 +396,12 @@ def _sessions(path: Path, content: bytes) -> tuple[list[_Session], list[str]]:
         place = f"header of log {number}" if len(starts) > 1 else "header"
         try:
             settings, first = _settings(content, start, stop)
-            found.append(_session(number, settings, first, stop))
+            sessions.append(_session(number, settings, first, stop))
         except ValueError as error:
             bad.append(f"{place}: {error}")
-    if not found:
+    if not sessions:
         raise LogError(f"{path}, {bad[0]}. {REMEDY}.")
-    return found, bad
+    return sessions, bad
 
 
 def _settings(content: bytes, start: int, stop: int) -> tuple[dict[str, str], int]:
@@ -396,91 +409,106 @@ def _settings(content: bytes, start: int, stop: int) -> tuple[dict[str, str], in
 
     Raises: ValueError: if a line is cut or damaged.
     """
-    found: dict[str, str] = {}
+    settings: dict[str, str] = {}
     while content.startswith(b"H ", start, stop):
         end = content.find(b"\n", start, min(start + LONGEST_LINE, stop))
         line = content[start + 2 : end]
         require(
             end >= 0 and line.isascii() and b":" in line,
-            f"lines must be `H name:value`; that behind {next(reversed(found), 'none')!r} is cut "
-            "or damaged",
+            f"lines must be `H name:value`; that behind {next(reversed(settings), 'none')!r} is "
+            "cut or damaged",
         )
         name, _, value = line.decode("ascii").partition(":")
-        found[name.strip()] = value.strip()
+        settings[name.strip()] = value.strip()
         start = end + 1
-    return found, start
+    return settings, start
 
 
 def _session(number: int, settings: Mapping[str, str], first: int, stop: int) -> _Session:
     version = settings.get("Data version", "")
     require(version == "2", f"Data version must be 2; got {version!r}")
-    told: dict[str, dict[str, list[str]]] = {kind: {} for kind in KINDS}
+    lines: dict[str, dict[str, list[str]]] = {kind: {} for kind in KINDS}
     for name, value in settings.items():
         match = FIELD.fullmatch(name)
-        if match and match[1] in told:
-            told[match[1]][match[2]] = value.split(",")
-    told["P"] = {key: told["I"][key] for key in ("name", "signed") if key in told["I"]} | told["P"]
-    names = {k: own["name"] for k, own in told.items() if {"predictor", "name"} <= own.keys()}
+        if match and match[1] in lines:
+            lines[match[1]][match[2]] = value.split(",")
+    shared = {key: lines["I"][key] for key in ("name", "signed") if key in lines["I"]}
+    lines["P"] = shared | lines["P"]
+    names = {k: line["name"] for k, line in lines.items() if {"predictor", "name"} <= line.keys()}
     require(
         {"I", "P"} <= set(names),
         "must tell name, predictor and encoding of the fields of I and P frames",
     )
-    width = max(len(own) for own in names.values())
-    require(width <= MOST_FIELDS, f"a frame must have at most {MOST_FIELDS} fields; got {width}")
-    tables = {
-        key: np.zeros((len(KINDS), width), np.int64)
-        for key in ("encoding", "predictor", "signed", "constant")
-    }
-    for kind, own in names.items():
-        row = KINDS.index(kind)
-        for key in ("encoding", "predictor", "signed"):
-            tables[key][row, : len(own)] = _column(kind, key, told[kind].get(key, []), len(own))
-        for i, name in enumerate(own):
-            tables["constant"][row, i] = _constant(tables["predictor"][row, i], name, settings)
     main = names["I"]
     require(
         "loopIteration" in main and "time" in main, "Field I name must have loopIteration and time"
     )
-    motor0 = main.index("motor[0]") if "motor[0]" in main else 0
     return _Session(
         number,
         settings,
         tuple(main),
         first,
         stop,
-        np.array([len(names.get(kind, ())) for kind in KINDS]),
-        tables,
-        np.array([main.index("loopIteration"), main.index("time"), motor0]),
-        _intervals(settings),
+        Frames(
+            np.array([len(names.get(kind, ())) for kind in KINDS]),
+            _tables(lines, names, settings),
+            main.index("loopIteration"),
+            main.index("time"),
+            main.index("motor[0]") if "motor[0]" in main else 0,
+            *_intervals(settings),
+        ),
     )
 
 
-def _column(kind: str, key: str, texts: list[str], count: int) -> np.ndarray:
+def _tables(
+    lines: Mapping[str, Mapping[str, list[str]]],
+    names: Mapping[str, list[str]],
+    settings: Mapping[str, str],
+) -> np.ndarray:
+    """Return the tables of the fields, as `Frames` has them.
+
+    Args:
+        lines: of the header, by kind of frame and what they tell of the fields.
+        names: of the fields, by kind of frame.
+    """
+    width = max(map(len, names.values()))
+    require(width <= MOST_FIELDS, f"a frame must have at most {MOST_FIELDS} fields; got {width}")
+    tables = np.zeros((4, len(KINDS), width), np.int64)
+    for kind, fields in names.items():
+        rows = tables[:, KINDS.index(kind), : len(fields)]
+        for table, (key, known) in enumerate(COLUMNS.items()):
+            rows[table] = _column(
+                f"Field {kind} {key}", lines[kind].get(key, []), known, len(fields)
+            )
+        rows[CONSTANT] = [
+            _constant(int(predictor), name, settings)
+            for predictor, name in zip(rows[PREDICTOR], fields, strict=True)
+        ]
+    return tables
+
+
+def _column(line: str, texts: list[str], known: Collection[int], count: int) -> list[int]:
     """Return the numbers of one line on the fields of a kind of frame.
 
     Raises: ValueError: if they are not as many as the fields, or not known.
     """
-    known = {"encoding": ENCODINGS, "predictor": tuple(range(PREDICTORS)), "signed": (0, 1)}[key]
     require(
         len(texts) == count,
-        f"Field {kind} {key} must have {count} numbers, one for each name; got {len(texts)}",
+        f"{line} must have {count} numbers, one for each name; got {len(texts)}",
     )
     values = [int(text) if text.isascii() and text.isdecimal() else -1 for text in texts]
     for text, value in zip(texts, values, strict=True):
         require(
-            value in known,
-            f"Field {kind} {key} must be of {', '.join(map(str, known))}; got {text[:20]!r}",
+            value in known, f"{line} must be of {', '.join(map(str, known))}; got {text[:20]!r}"
         )
-    return np.array(values)
+    return values
 
 
 def _constant(predictor: int, name: str, settings: Mapping[str, str]) -> int:
     """Return what a predictor adds that the header tells."""
-    if predictor == STICK_CENTRE:
-        return 1500
-    setting = STARTS.get(int(predictor))
-    if setting is None:
-        return 0
+    if predictor not in STARTS:
+        return 1500 if predictor == STICK_CENTRE else 0
+    setting = STARTS[predictor]
     text = settings.get(setting, "")
     values = _numbers(text)
     require(
@@ -490,20 +518,16 @@ def _constant(predictor: int, name: str, settings: Mapping[str, str]) -> int:
     return int(values[0])
 
 
-def _intervals(settings: Mapping[str, str]) -> np.ndarray:
+def _intervals(settings: Mapping[str, str]) -> list[int]:
     """Return the interval of I frames, numerator and denominator of that of P frames [loops]."""
     numerator, _, denominator = settings.get("P interval", "1").rpartition("/")
-    values = [
-        number
-        for text in (settings.get("I interval", "1"), numerator or "1", denominator)
-        for number in _numbers(text)[:1]
-    ]
+    texts = (settings.get("I interval", "1"), numerator or "1", denominator)
+    loops = [int(number) for text in texts for number in _numbers(text)[:1]]
     require(
-        len(values) == 3
-        and all(least <= v <= MOST_LOOPS for v, least in zip(values, (1, 1, 0), strict=True)),
+        len(loops) == 3 and max(loops) <= MOST_LOOPS and min(loops[:2]) >= 1 and loops[2] >= 0,
         "I interval and P interval must be numbers of loops",
     )
-    return np.array(values).astype(np.int64)
+    return loops
 
 
 def _contents(path: Path) -> Contents:
@@ -573,17 +597,16 @@ def _parameters(session: _Session) -> dict[str, float]:
     """Return the settings that are numbers, one of a list as `name[i]`, and the version by the name
     of the firmware.
     """
-    found: dict[str, float] = {}
+    parameters: dict[str, float] = {}
     for name, text in session.settings.items():
         values = _numbers(text)
-        found |= zip(
-            [name] if len(values) == 1 else indexed(name, len(values)), values, strict=True
-        )
+        names = [name] if len(values) == 1 else indexed(name, len(values))
+        parameters |= zip(names, values, strict=True)
     match = REVISION.match(session.settings.get("Firmware revision", ""))
     if match:
-        found[match[1].lower()] = int(match[2]) + int(match[3]) / 100
-    found["P interval"] = float(session.intervals[2] / session.intervals[1])
-    return found
+        parameters[match[1].lower()] = int(match[2]) + int(match[3]) / 100
+    parameters["P interval"] = session.frames.denominator / session.frames.numerator
+    return parameters
 
 
 def _decoded(
@@ -595,31 +618,20 @@ def _decoded(
         needed, _ = of_the_body(session.columns[MAIN])
         names += [name for name in needed if name not in names]
     # Rows that the bytes can hold: at most eight fields share one byte.
-    span = session.stop - session.first
-    written = session.tables["encoding"] != NULL
-    fewest = min(1 + int(written[row, : session.counts[row]].sum()) // 8 for row in (0, 1))
-    out = np.empty((len(names) + 1, span // fewest + 1))
-    told = read_frames(
-        np.frombuffer(content, np.uint8),
-        session.first,
-        session.stop,
-        session.counts,
-        session.tables["encoding"],
-        session.tables["predictor"],
-        session.tables["signed"],
-        session.tables["constant"],
-        session.places,
-        session.intervals,
-        np.array([session.names.index(name) for name in names], np.int64),
-        out,
+    frames = session.frames
+    written = frames.tables[ENCODING] != NULL
+    fewest = min(1 + int(written[kind, : frames.counts[kind]].sum()) // 8 for kind in (I, P))
+    out = np.empty((len(names) + 1, (session.stop - session.first) // fewest + 1))
+    wanted_places = np.array([session.names.index(name) for name in names], np.int64)
+    tally = read_frames(
+        np.frombuffer(content, np.uint8), session.first, session.stop, frames, wanted_places, out
     )
-    t = out[0, : told[ROWS]] * 1e-6
-    values = dict(zip(names, out[1:, : told[ROWS]], strict=True))
-    streams = {MAIN: Stream(t, {name: values[name] for name in wanted.get(MAIN, ())})}
+    t = out[0, : tally[ROWS]] * 1e-6
+    values = dict(zip(names, out[1:, : tally[ROWS]], strict=True))
+    columns = {MAIN: values}
     if BODY in wanted:
-        found = body_values(values) if told[ROWS] else dict.fromkeys(wanted[BODY], np.empty(0))
-        streams[BODY] = Stream(t, {name: found[name] for name in wanted[BODY]})
-    return {stream: streams[stream] for stream in wanted}, told
+        columns[BODY] = body_values(values) if len(t) else dict.fromkeys(wanted[BODY], t)
+    return {s: Stream(t, {n: columns[s][n] for n in wanted[s]}) for s in wanted}, tally
 
 
 def _joined(parts: Sequence[Stream]) -> Stream:
@@ -652,9 +664,9 @@ def _odd(which: str, told: np.ndarray, body: Stream | None) -> Iterator[str]:
 
 def _facts(session: _Session) -> dict[str, str]:
     """Return what the header says of vehicle, firmware and scales."""
-    told = session.settings
+    settings = session.settings
     return {"clock": "time since the start of the firmware [s]"} | {
-        title: told[name] for name, title in FACTS.items() if told.get(name)
+        title: settings[name] for name, title in FACTS.items() if settings.get(name)
     }
 
 

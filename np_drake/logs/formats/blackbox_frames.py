@@ -8,6 +8,8 @@ beyond that of the last byte: the bytes end within the value, or are none.
 Source: Betaflight, "Blackbox logging internals", data version 2.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from np_drake.compiled import compiled
@@ -53,6 +55,9 @@ RESUMED = 14
 END = 255
 END_TEXT = np.frombuffer(b"End of log", np.uint8)
 ROWS, DAMAGED, LEFT_OUT, ENDED = range(4)  # what is counted; whether the log has its end
+ENCODING, PREDICTOR, SIGNED, CONSTANT = range(4)  # tables of the fields
+FIELDS, BEFORE, EARLIER = range(3)  # numbers of a main frame and of the two before it
+ITERATION, TIME, OFFSET = range(3)  # of the last one [loops, us, us]
 
 
 @compiled
@@ -193,8 +198,8 @@ def _event(data, at, stop):
     second = 0
     if kind == END:
         behind = at + len(END_TEXT)
-        whole = behind <= stop and np.array_equal(data[at:behind], END_TEXT)
-        return behind if whole else stop + 1, kind, 0, 0
+        complete = behind <= stop and np.array_equal(data[at:behind], END_TEXT)
+        return behind if complete else stop + 1, kind, 0, 0
     if NUMBERS[kind]:
         first, at = unsigned_number(data, at, stop)
         if NUMBERS[kind] == 2:
@@ -209,24 +214,46 @@ def _event(data, at, stop):
     return min(at, stop + 1), kind, first, second
 
 
+class Frames(NamedTuple):
+    """Definitions of the frames of one log.
+
+    counts: (5,) of the fields of every kind of frame, as `KINDS`; 0: there is none.
+    tables: (4, 5, m) of the fields: encoding, predictor, whether signed (1 or 0), and what a
+        predictor adds that the header tells.
+    iteration, time, motor: places of loop iteration, time and first motor in a main frame.
+    interval: of I frames; numerator, denominator: of that of P frames [loops].
+    """
+
+    counts: np.ndarray
+    tables: np.ndarray
+    iteration: int
+    time: int
+    motor: int
+    interval: int
+    numerator: int
+    denominator: int
+
+
 @compiled
-def _skipped(iteration, interval, numerator, denominator):
+def _skipped(frames, iteration):
     """Return how many loops after one of a main frame are not logged, by the header's intervals."""
-    if denominator <= 0:
-        return interval - 1
-    for k in range(interval):
-        if ((iteration + 1 + k) % interval + numerator - 1) % denominator < numerator:
+    if frames.denominator <= 0:
+        return frames.interval - 1
+    for k in range(frames.interval):
+        loop = (iteration + 1 + k) % frames.interval + frames.numerator - 1
+        if loop % frames.denominator < frames.numerator:
             return k
     return 0
 
 
 @compiled
-def _add_predictions(
-    fields, kind, count, predictors, signed, constants, before, earlier, skipped, motor0
-):
+def _add_predictions(frames, kind, memory, skipped):
     """Add to the numbers of a main frame what is predicted for them."""
-    for i in range(count):
-        predictor = predictors[kind, i]
+    fields = memory[FIELDS]
+    before = memory[BEFORE]
+    earlier = memory[EARLIER]
+    for i in range(frames.counts[kind]):
+        predictor = frames.tables[PREDICTOR, kind, i]
         if predictor == PREVIOUS:
             fields[i] += before[i]
         elif predictor == STRAIGHT_LINE:
@@ -234,20 +261,43 @@ def _add_predictions(
         elif predictor == AVERAGE_2:
             fields[i] += int((before[i] + earlier[i]) / 2)  # towards zero
         elif predictor == MOTOR_0:
-            fields[i] += fields[motor0]
+            fields[i] += fields[frames.motor]
         elif predictor == INCREMENT:
             fields[i] = before[i] + 1 + skipped
         else:
-            fields[i] += constants[kind, i]
+            fields[i] += frames.tables[CONSTANT, kind, i]
         fields[i] &= 0xFFFFFFFF
-        if signed[kind, i]:
+        if frames.tables[SIGNED, kind, i]:
             fields[i] = _extended(fields[i], 32)
 
 
 @compiled
-def read_frames(
-    data, at, stop, counts, encodings, predictors, signed, constants, places, intervals, wanted, out
-):
+def _follows(frames, kind, memory, clock):
+    """Add the predictions to a main frame and return whether it follows the one before; if so, it
+    is the one before the next.
+    """
+    before = memory[BEFORE]
+    skipped = _skipped(frames, before[frames.iteration]) if kind == P else 0
+    _add_predictions(frames, kind, memory, skipped)
+    iteration = memory[FIELDS, frames.iteration]
+    time = memory[FIELDS, frames.time]
+    later = (time - clock[TIME]) & 0xFFFFFFFF
+    loops = (iteration - clock[ITERATION]) & 0xFFFFFFFF
+    if clock[ITERATION] >= 0 and (later >= LONGEST_TIME or loops >= MOST_ITERATIONS):
+        clock[ITERATION] = -1
+        clock[TIME] = -1
+        return False
+    if 0 <= time < clock[TIME]:
+        clock[OFFSET] += 1 << 32
+    clock[ITERATION] = iteration
+    clock[TIME] = time
+    memory[EARLIER] = memory[FIELDS] if kind == I else before
+    memory[BEFORE] = memory[FIELDS]
+    return True
+
+
+@compiled
+def read_frames(data, at, stop, frames, wanted, out):
     """Write the wanted fields of all main frames of one log, and return what is counted of it, as
     `ROWS` and so on.
 
@@ -257,26 +307,16 @@ def read_frames(
     Args:
         data: (n,) bytes.
         at: place of its first frame.
-        counts: (5,) of the fields of every kind of frame, as `KINDS`; 0: there is none.
-        encodings, predictors, signed: (5, m) of the fields; signed is 1 or 0.
-        constants: (5, m) what a predictor adds that the header tells.
-        places: of loop iteration, time and first motor in a main frame.
-        intervals: of I frames, numerator and denominator of those of P frames [loops].
+        frames: `Frames` of the log.
         wanted: places of the fields that are written.
         out: (fields, rows) of these, with the time [us] before them.
     """
-    iteration_at, time_at, motor0 = places
-    told = np.zeros(4, np.int64)
-    width = encodings.shape[1]
-    fields = np.zeros(width, np.int64)
-    before = np.zeros(width, np.int64)
-    earlier = np.zeros(width, np.int64)
+    tally = np.zeros(4, np.int64)
+    memory = np.zeros((3, frames.tables.shape[2]), np.int64)
+    clock = np.array([-1, -1, 0])
     # whether predictions, and the place, are known
     known = False
     lost = False
-    iteration = -1
-    time = -1
-    offset = 0
     while at < stop:
         start = at
         kind = KIND_OF[data[at]]
@@ -284,54 +324,32 @@ def read_frames(
         if kind == EVENT:
             at, event, first, second = _event(data, start + 1, stop)
             if at <= stop and event == END:
-                told[ENDED] = 1
-                return told
+                tally[ENDED] = 1
+                return tally
             good = at <= stop and (at == stop or KIND_OF[data[at]] >= 0) and not lost
             if good and event == RESUMED:
-                iteration = first
-                time = second
+                clock[ITERATION] = first
+                clock[TIME] = second
                 known = False
-        elif kind >= 0 and counts[kind]:
-            at = read_fields(data, start + 1, stop, encodings[kind], counts[kind], fields)
+        elif kind >= 0 and frames.counts[kind]:
+            encodings = frames.tables[ENCODING, kind]
+            at = read_fields(data, start + 1, stop, encodings, frames.counts[kind], memory[FIELDS])
             good = at <= stop and (at == stop or KIND_OF[data[at]] >= 0)
             if good and kind == P and not known:
-                told[LEFT_OUT] += 1
+                tally[LEFT_OUT] += 1
             elif good and kind <= P:
-                last = before[iteration_at]
-                skipped = (
-                    _skipped(last, intervals[0], intervals[1], intervals[2]) if kind == P else 0
-                )
-                _add_predictions(
-                    fields,
-                    kind,
-                    counts[kind],
-                    predictors,
-                    signed,
-                    constants,
-                    before,
-                    earlier,
-                    skipped,
-                    motor0,
-                )
-                later = (fields[time_at] - time) & 0xFFFFFFFF
-                loops = (fields[iteration_at] - iteration) & 0xFFFFFFFF
-                good = iteration < 0 or (later < LONGEST_TIME and loops < MOST_ITERATIONS)
-                if good and 0 <= fields[time_at] < time:
-                    offset += 1 << 32
-                iteration, time = (fields[iteration_at], fields[time_at]) if good else (-1, -1)
+                good = _follows(frames, kind, memory, clock)
                 if good:
-                    earlier[:] = fields if kind == I else before
-                    before[:] = fields
-                    out[0, told[ROWS]] = time + offset
+                    out[0, tally[ROWS]] = clock[TIME] + clock[OFFSET]
                     for k in range(len(wanted)):
-                        out[k + 1, told[ROWS]] = fields[wanted[k]]
-                    told[ROWS] += 1
+                        out[k + 1, tally[ROWS]] = memory[FIELDS, wanted[k]]
+                    tally[ROWS] += 1
                     known = True
                     lost = False
         if not good:
-            told[DAMAGED] += not lost
+            tally[DAMAGED] += not lost
             known = False
             lost = True
             at = start + 1
-    told[DAMAGED] -= lost  # it is cut there
-    return told
+    tally[DAMAGED] -= lost  # it is cut there
+    return tally

@@ -18,7 +18,7 @@ from np_drake.files.file_access import note_input
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, Table, bridge_gaps, check_table, split_at_gaps
 from np_drake.logs.errors import LogError, place
-from np_drake.logs.formats.format import first_bytes
+from np_drake.logs.formats.format import expanded, first_bytes
 from np_drake.logs.formats.text_table import first_lines, read_csv
 from np_drake.logs.importing.laws import check_units
 from np_drake.training_data.segments import WrenchSequence
@@ -26,17 +26,17 @@ from np_drake.vehicle import Vehicle, load_vehicle
 
 GRAVITY = 9.81  # [m/s²]; the CSV's hover reading of specific force
 FIRST_COLUMNS = "t,ang acc x,"  # how such a CSV begins
-_AXES = "xyz"
-SOURCE_COLUMNS: dict[str, tuple[str, ...]] = {
-    "t": ("t",),
-    "p": tuple(f"pos {i}" for i in _AXES),
-    "q": ("quat w", "quat x", "quat y", "quat z"),
-    "v": tuple(f"vel {i}" for i in _AXES),  # body axes
-    "w": tuple(f"ang vel {i}" for i in _AXES),
-    "a": tuple(f"acc {i}" for i in _AXES),  # specific force, body axes
-    "al": tuple(f"ang acc {i}" for i in _AXES),
-    "rotor": tuple(f"mot {i}" for i in (1, 2, 3, 4)),
+PATTERNS = {  # of the columns, by our field
+    "t": "t",
+    "p": "pos {x,y,z}",
+    "q": "quat {w,x,y,z}",
+    "v": "vel {x,y,z}",  # body axes
+    "w": "ang vel {x,y,z}",
+    "a": "acc {x,y,z}",  # specific force, body axes
+    "al": "ang acc {x,y,z}",
+    "rotor": "mot {1,2,3,4}",
 }
+SOURCE_COLUMNS = {field: expanded(pattern) for field, pattern in PATTERNS.items()}
 
 
 def published_vehicle() -> Vehicle:
@@ -111,8 +111,8 @@ def _renamed(table: Table) -> Table:
     """
     names = {
         s: n
-        for field in SOURCE_COLUMNS
-        for s, n in zip(SOURCE_COLUMNS[field], COLUMNS[field], strict=True)
+        for field, sources in SOURCE_COLUMNS.items()
+        for s, n in zip(sources, COLUMNS[field], strict=True)
     }
     for source in names:
         if source not in table.columns:
@@ -210,10 +210,12 @@ def table_files(folder: Path) -> dict[str, Path]:
     Raises: OSError: if there is none.
     """
     arrays = {path.stem: path for path in sorted((folder / "npy").glob("*.npy"))}
-    found = {stem: arrays.get(stem) or _csv(folder, stem) for stem in TESTS}
-    found |= {stem: path for stem, path in arrays.items() if stem not in (TRAINING, *TESTS)}
+    flights = {stem: arrays.get(stem) or _csv(folder, stem) for stem in TESTS}
+    flights |= {stem: path for stem, path in arrays.items() if stem not in (TRAINING, *TESTS)}
     files = {
-        TESTS.get(stem, stem.removeprefix("merged_")): path for stem, path in found.items() if path
+        TESTS.get(stem, stem.removeprefix("merged_")): path
+        for stem, path in flights.items()
+        if path
     }
     require(
         files,
@@ -231,10 +233,10 @@ def read_training(folder: Path) -> WrenchSequence:
     path = _csv(folder, TRAINING)
     if path is None:
         return read_wrenches(folder / "npy" / f"{TRAINING}.npy")
-    whole = read_wrenches(path)
-    whole.chi = whole.chi[TRAINING_START:]
-    whole.zeta = whole.zeta[TRAINING_START:]
-    return whole
+    flight = read_wrenches(path)
+    flight.chi = flight.chi[TRAINING_START:]
+    flight.zeta = flight.zeta[TRAINING_START:]
+    return flight
 
 
 def read_wrenches(path: str | Path) -> WrenchSequence:

@@ -38,8 +38,8 @@ def read_parquet(path: str | Path) -> Table:
             f"{path}: its columns must have different names; got {', '.join(names[:8])}, ….",
             LogError,
         )
-        found = _columns(pyarrow, file, names)
-    return Table(str(path), {name.strip(): v for name, v in found.items()}, header_lines=0)
+        columns = _columns(pyarrow, file, names)
+    return Table(str(path), {name.strip(): v for name, v in columns.items()}, header_lines=0)
 
 
 def write_parquet(path: str | Path, columns: dict[str, np.ndarray]) -> None:
@@ -85,11 +85,11 @@ def _open(path: str | Path) -> Iterator[tuple[Any, Any]]:
     with Path(path).open("rb") as raw:
         try:
             with pyarrow.parquet.ParquetFile(raw) as file:
-                told = file.metadata
-                require_cells(path, told.num_rows * told.num_columns)
+                footer = file.metadata
+                require_cells(path, footer.num_rows * footer.num_columns)
                 # Of whole groups: pyarrow ends the process where it is asked for a column whose
                 # statistics are broken.
-                groups = (told.row_group(group) for group in range(told.num_row_groups))
+                groups = map(footer.row_group, range(footer.num_row_groups))
                 if sum(group.total_byte_size for group in groups) > text_budget(path):
                     raise too_large(path)
                 yield pyarrow, file
@@ -118,12 +118,12 @@ def _is(pyarrow: Any, kind: Any, *words: str) -> bool:
 def _columns(pyarrow: Any, file: Any, names: Sequence[str]) -> dict[str, np.ndarray]:
     """Return columns (n,) of numbers, times in s."""
     table = file.read(columns=list(names))
-    found = {}
+    columns = {}
     for name in names:
         column = table.column(name)
         factor = 1.0
         if _is(pyarrow, column.type, "timestamp", "duration"):
             factor = UNITS["time"][column.type.unit]
             column = column.cast(pyarrow.int64())
-        found[name] = column.cast(pyarrow.float64(), safe=False).to_numpy() * factor
-    return found
+        columns[name] = column.cast(pyarrow.float64(), safe=False).to_numpy() * factor
+    return columns

@@ -119,7 +119,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
         progress(1.0)
     else:
         columns, notes = text_table.read_columns(path, needed, progress)
-        units = {**stated_units(known), **(text_table.read_layout(path).units or {})}
+        units = {**stated_units(known), **text_table.read_layout(path).units}
     length = len(next(iter(columns.values()), ()))
     t = columns[time] * UNITS["time"][TIMES[time]] if time else np.full(length, np.nan)
     clock = f"column {time} [{TIMES[time]}]" if time else "none of the known names"

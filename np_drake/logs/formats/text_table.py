@@ -113,19 +113,17 @@ class Layout:
     """Layout of a text table.
 
     width: number of columns.   cells: those with a name; others are not read.
-    head: lines above the rows.   units: that a line below the header states, by column; None: there
-        is no such line.
-    comma: numbers have a decimal comma.   encoding, errors: as in `open`.
+    head: lines above the rows.   units: that a line below the header states, by column.
+    comma: numbers have a decimal comma.   encoding: as in `open`.
     """
 
     delimiter: str
     width: int
     cells: tuple[Cell, ...]
-    head: int = 1
-    units: Mapping[str, str] | None = None
-    comma: bool = False
-    encoding: str = "utf-8-sig"
-    errors: str = "replace"
+    head: int
+    units: Mapping[str, str]
+    comma: bool
+    encoding: str
 
     @property
     def names(self) -> list[str]:
@@ -166,10 +164,7 @@ def encoding_of(start: bytes) -> str:
 
 
 def read_lines(
-    path: str | Path,
-    progress: Progress = no_progress,
-    errors: str = "strict",
-    encoding: str = "utf-8-sig",
+    path: str | Path, encoding: str, progress: Progress = no_progress
 ) -> Generator[str, None, None]:
     """Yield the lines of a text with their ends, gzip-compressed where the name ends in .gz.
 
@@ -177,31 +172,27 @@ def read_lines(
         opened.
     """
     size = max(Path(path).stat().st_size, 1)
-    left = text_budget(path)
+    remaining = text_budget(path)
     note_input(path)
     with Path(path).open("rb") as raw:
         try:
             binary: Any = gzip.GzipFile(fileobj=raw) if str(path).lower().endswith(".gz") else raw
-            with io.TextIOWrapper(binary, encoding=encoding, errors=errors) as text:
+            with io.TextIOWrapper(binary, encoding=encoding, errors="replace") as text:
                 for number, line in enumerate(
                     iter(functools.partial(text.readline, MAX_LINE + 1), ""), start=1
                 ):
-                    left -= len(line)
+                    remaining -= len(line)
                     if len(line) > MAX_LINE:
                         raise LogError(
                             f"{path}, line {number}: must have at most {MAX_LINE} characters."
                         )
-                    if left < 0:
+                    if remaining < 0:
                         raise too_large(path)
                     if number % LINES_A_REPORT == 0:
                         progress(min(raw.tell() / size, 1.0))
                     yield line
         except BAD_GZIP as error:
             raise LogError(f"{path}: must be a whole gzip file; {error}. Copy it again.") from error
-        except UnicodeError as error:
-            raise LogError(
-                f"{path}: must be a UTF-8 text file with comma-separated columns."
-            ) from error
 
 
 def too_large(path: str | Path) -> LogError:
@@ -311,7 +302,7 @@ def read_layout(path: Path) -> Layout:
     """
     with path.open("rb") as file:
         encoding = encoding_of(decompressed_start(file.read(LOOKED_AT)))
-    with contextlib.closing(read_lines(path, errors="replace", encoding=encoding)) as lines:
+    with contextlib.closing(read_lines(path, encoding)) as lines:
         header = next(lines, "")
         stated = SEPARATOR.fullmatch(header)
         if stated:
@@ -325,10 +316,11 @@ def read_layout(path: Path) -> Layout:
         delimiter = stated[1] if stated else find_delimiter(header)
         names = split_header(header, delimiter)
         check_header(path, [name or f"column {i + 1}" for i, name in enumerate(names)])
-        numbered = itertools.islice(_rows(path, lines, delimiter, head), ROWS_LOOKED_AT)
-        rows = [cells for _, cells in numbered]
-    units = None
+        numbered = list(itertools.islice(_rows(path, lines, delimiter, head), ROWS_LOOKED_AT))
+    rows = [cells for _, cells in numbered]
+    units = {}
     if len(rows) > 1 and is_units_row(*rows[:2]):
+        head = numbered[0][0]
         pairs = zip(names, map(as_unit, rows.pop(0)), strict=False)
         units = {name: unit for name, unit in pairs if unit}
     first = [*(rows[0] if rows else ()), *[""] * len(names)]
@@ -419,10 +411,10 @@ def _plain_numbers(
         return None
     try:
         with (
-            contextlib.closing(read_lines(path, progress, layout.errors, layout.encoding)) as lines,
+            contextlib.closing(read_lines(path, layout.encoding, progress)) as lines,
             warnings.catch_warnings(action="error", category=pandas.errors.ParserWarning),
             pandas.read_csv(
-                _Text(itertools.islice(lines, layout.head + (layout.units is not None), None)),
+                _Text(itertools.islice(lines, layout.head, None)),
                 sep=layout.delimiter,
                 decimal="," if layout.comma else ".",
                 header=None,
@@ -454,11 +446,9 @@ def _row_by_row(
     numbers = array("d")
     faults: list[Fault] = []
     sizes = [len(cell.names) for cell in wanted]
-    with contextlib.closing(read_lines(path, progress, layout.errors, layout.encoding)) as lines:
+    with contextlib.closing(read_lines(path, layout.encoding, progress)) as lines:
         below = itertools.islice(lines, layout.head, None)
         rows = _rows(path, below, layout.delimiter, layout.head, blank=blank)
-        if layout.units is not None:
-            next(rows, None)
         for row, (line, cells) in enumerate(rows):
             if len(cells) == layout.width + 1 and not cells[-1].strip():
                 cells.pop()  # a delimiter at its end
@@ -503,7 +493,7 @@ def read_columns(
             f"cells; left out"
         )
     style = {
-        "the line of units below the header is no row": layout.units is not None,
+        "the line of units below the header is no row": bool(layout.units),
         "numbers have a decimal comma": layout.comma,
         "the text is no UTF-8; read as Windows-1252": layout.encoding == "cp1252",
     }
@@ -524,44 +514,33 @@ def _refused(path: Path, fault: Fault, width: int) -> LogError:
             f"{where}: must have {width} cells as the header does; got {fault.count}. Export it "
             f"again."
         )
-    text = fault.text
     size = fault.cell.size
-    shown = " ".join(text.split())[:40]
+    shown = " ".join(fault.text.split())[:40]
     if size is not None:
-        said = f"must be a list of {size} numbers as in the first row; got {shown!r}."
-    elif COMMA.fullmatch(text):
-        said = f"must be a number with a decimal point; got {shown!r}. Export it with points."
-    elif not is_plain(text) and any(character.isdigit() for character in text):
-        said = f"must be a number in plain digits, 0 to 9; got {shown!r}. Export it as such."
+        text = f"must be a list of {size} numbers as in the first row; got {shown!r}."
+    elif COMMA.fullmatch(fault.text):
+        text = f"must be a number with a decimal point; got {shown!r}. Export it with points."
+    elif not is_plain(fault.text) and any(map(str.isdigit, fault.text)):
+        text = f"must be a number in plain digits, 0 to 9; got {shown!r}. Export it as such."
     else:
-        said = (
+        text = (
             f"must be a number; got {shown!r}. Correct the cell, or leave the column out of the "
             f"map."
         )
-    return LogError(f"{where}: {said}")
+    return LogError(f"{where}: {text}")
 
 
 def read_csv(path: str | Path) -> Table:
-    """Read a comma-separated file with one header line, gzip-compressed where the name ends in .gz.
+    """Read a table of numbers alone, gzip-compressed where the name ends in .gz.
 
     Memory is that of the numbers: the text is read in blocks.
     Raises: LogError: if the file is no such table; OSError: if it cannot be opened.
     """
-    with contextlib.closing(read_lines(path)) as lines:
-        header = next(lines, "")
-        require(
-            header.strip() or any(line.strip() for line in lines),
-            f"{path}: must hold a header line and rows; the file is empty.",
-            LogError,
-        )
-    names = [name.strip() for name in header.split(",")]
-    check_header(path, names)
-    cells = tuple(Cell(name, i) for i, name in enumerate(names))
-    columns, faults = read_cells(
-        path, Layout(",", len(cells), cells, errors="strict"), cells, blank=True
-    )
+    layout = read_layout(Path(path))
+    columns, faults = read_cells(path, layout, layout.cells, blank=True)
     bad = [(f.row, f.cell.name, f.text.strip()) for f in faults if f.cell]
-    return Table(str(path), columns, bad, [f.row for f in faults if f.cell is None])
+    ragged = [f.row for f in faults if f.cell is None]
+    return Table(str(path), columns, bad, ragged, layout.head)
 
 
 def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
@@ -622,13 +601,10 @@ def as_unit(text: str) -> str:
 
 def stated_units(names: Iterable[str]) -> dict[str, str]:
     """Return by column the known units that stand in brackets at the end of their names."""
-    found = {name: match[1] for name in names if (match := BRACKETS.search(name))}
+    matches = {name: BRACKETS.search(name) for name in names}
     # A number is the place of an item in a list.
-    return {
-        name: as_unit(text)
-        for name, text in found.items()
-        if not text.strip().isdecimal() and as_unit(text)
-    }
+    units = {n: as_unit(m[1]) for n, m in matches.items() if m and not m[1].strip().isdecimal()}
+    return {name: unit for name, unit in units.items() if unit}
 
 
 def is_units_row(cells: Sequence[str], following: Sequence[str]) -> bool:
