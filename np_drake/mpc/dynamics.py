@@ -8,6 +8,7 @@ of the stages of Runge and Kutta.
 
 import dataclasses as dc
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,6 +140,17 @@ class Linearisation:
     Fu: np.ndarray
 
 
+class _Body(NamedTuple):
+    """Constants of a step: its length [s], and of the body as of `Actuation`."""
+
+    step: float  # [s]
+    mass: float  # [kg]
+    gravity: float  # [m/s²]
+    J: np.ndarray  # (3, 3), J_free [kg·m²]
+    J_inv: np.ndarray  # (3, 3) [1/(kg·m²)]
+    damping: np.ndarray  # (3,) [1/s]
+
+
 class DiscreteDynamics:
     """Discrete dynamics x_(i+1) = RK4(x_i, u_i, chi_i; step), input and wrench held over the step.
 
@@ -154,14 +166,9 @@ class DiscreteDynamics:
         self.vehicle = vehicle
         self.step = step
         by = actuation or Actuation.of(vehicle)
-        self._body = (
-            float(step),
-            float(vehicle.mass),
-            float(vehicle.gravity),
-            by.J_free,
-            by.J_inv,
-            by.damping,
-        )
+        mass = float(vehicle.mass)
+        gravity = float(vehicle.gravity)
+        self._body = _Body(float(step), mass, gravity, by.J_free, by.J_inv, by.damping)
 
     def linearise(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> Linearisation:
         """Return the Jacobians at N stages.
@@ -174,8 +181,7 @@ class DiscreteDynamics:
         n = len(x)
         result = Linearisation(np.zeros((n, STATE_SIZE, 19)), np.zeros((n, STATE_SIZE, 4)))
         x, u, chi = (np.ascontiguousarray(value, float) for value in (x, u, chi))
-        step, mass, _, *rotation = self._body  # gravity is in no Jacobian
-        _linearise(x, u, chi, step, mass, *rotation, result.Fx, result.Fu)
+        _linearise(x, u, chi, self._body, result.Fx, result.Fu)
         return result
 
     def advance(self, x: ArrayLike, u: ArrayLike, chi: ArrayLike) -> np.ndarray:
@@ -187,7 +193,7 @@ class DiscreteDynamics:
             chi: (6,) wrench [N, N·m].
         """
         after = np.empty(STATE_SIZE)
-        _advance(*(np.asarray(value, float) for value in (x, u, chi)), *self._body, after)
+        _advance(*(np.asarray(value, float) for value in (x, u, chi)), self._body, after)
         return after
 
     def rollout(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray, markov: np.ndarray) -> None:
@@ -200,86 +206,90 @@ class DiscreteDynamics:
             chi: (N, 6) wrench without the motion's part [N, N·m].
             markov: (6, 6(N-1)) of `Horizon`, or (6, 0).
         """
-        _rollout(x, u, chi, markov, *self._body)
+        _rollout(x, u, chi, markov, self._body)
 
 
 @compiled
-def _advance(x, u, chi, step, mass, gravity, J, J_inv, damping, out):
+def _advance(x, u, chi, body, out):
     """Write the state (13,) after one step of Runge and Kutta into `out`; u (4,) [N, N·m], chi (6,)
     [N, N·m].
     """
-    w = x[3]
-    i = x[4]
-    j = x[5]
-    k = x[6]
-    a = x[10]
-    b = x[11]
-    c = x[12]
-    tau_x = u[1] + chi[3]
-    tau_y = u[2] + chi[4]
-    tau_z = u[3] + chi[5]
-    vx = vy = vz = px = py = pz = 0.0
-    sw = si = sj = sk = sa = sb = sc = 0.0
+    start = (x[3], x[4], x[5], x[6], x[10], x[11], x[12])
+    tau = (u[1] + chi[3], u[2] + chi[4], u[3] + chi[5])
+    r = start
+    turned = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    in_v = (0.0, 0.0, 0.0)
+    in_p = (0.0, 0.0, 0.0)
     for stage in range(4):
-        weight = _WEIGHT_V[stage]
-        in_p = _WEIGHT_P[stage]
-        zx = 2 * (i * k + w * j)
-        zy = 2 * (j * k - w * i)
-        zz = w * w - i * i - j * j + k * k
-        hx, hy, hz = times(J, a, b, c)
-        tx = tau_x - b * hz + c * hy
-        ty = tau_y - c * hx + a * hz
-        tz = tau_z - a * hy + b * hx
-        da, db, dc = times(J_inv, tx, ty, tz)
-        da = da - damping[0] * a
-        db = db - damping[1] * b
-        dc = dc - damping[2] * c
-        dw = 0.5 * (-i * a - j * b - k * c)
-        di = 0.5 * (w * a + j * c - k * b)
-        dj = 0.5 * (w * b + k * a - i * c)
-        dk = 0.5 * (w * c + i * b - j * a)
-        vx = vx + weight * zx
-        vy = vy + weight * zy
-        vz = vz + weight * zz
-        px = px + in_p * zx
-        py = py + in_p * zy
-        pz = pz + in_p * zz
-        sw = sw + weight * dw
-        si = si + weight * di
-        sj = sj + weight * dj
-        sk = sk + weight * dk
-        sa = sa + weight * da
-        sb = sb + weight * db
-        sc = sc + weight * dc
-        h = _AHEAD[stage] * step
-        w = x[3] + h * dw
-        i = x[4] + h * di
-        j = x[5] + h * dj
-        k = x[6] + h * dk
-        a = x[10] + h * da
-        b = x[11] + h * db
-        c = x[12] + h * dc
+        rate = _rotation_rate(r, tau, body)
+        axis = _thrust_axis(r)
+        in_v = _moved_axis(in_v, _WEIGHT_V[stage], axis)
+        in_p = _moved_axis(in_p, _WEIGHT_P[stage], axis)
+        turned = _moved(turned, _WEIGHT_V[stage], rate)
+        r = _moved(start, _AHEAD[stage] * body.step, rate)
     # Runge and Kutta: x + h/6 (k_1 + 2 k_2 + 2 k_3 + k_4); for p it is h v + h²/6 (a_1 + a_2 + a_3)
+    step = body.step
     sixth = step / 6
     half = step * step / 2
-    f_v = sixth * u[0] / mass
-    f_p = step * sixth * u[0] / mass
-    ax = chi[0] / mass
-    ay = chi[1] / mass
-    az = chi[2] / mass - gravity
-    out[0] = x[0] + step * x[7] + f_p * px + half * ax
-    out[1] = x[1] + step * x[8] + f_p * py + half * ay
-    out[2] = x[2] + step * x[9] + f_p * pz + half * az
-    out[3] = x[3] + sixth * sw
-    out[4] = x[4] + sixth * si
-    out[5] = x[5] + sixth * sj
-    out[6] = x[6] + sixth * sk
-    out[7] = x[7] + f_v * vx + step * ax
-    out[8] = x[8] + f_v * vy + step * ay
-    out[9] = x[9] + f_v * vz + step * az
-    out[10] = x[10] + sixth * sa
-    out[11] = x[11] + sixth * sb
-    out[12] = x[12] + sixth * sc
+    f_v = sixth * u[0] / body.mass
+    f_p = step * sixth * u[0] / body.mass
+    pushed = (chi[0] / body.mass, chi[1] / body.mass, chi[2] / body.mass - body.gravity)
+    for row in range(3):
+        out[row] = x[row] + step * x[7 + row] + f_p * in_p[row] + half * pushed[row]
+        out[7 + row] = x[7 + row] + f_v * in_v[row] + step * pushed[row]
+        out[10 + row] = x[10 + row] + sixth * turned[4 + row]
+    for row in range(4):
+        out[3 + row] = x[3 + row] + sixth * turned[row]
+
+
+@compiled
+def _rotation_rate(r, tau, body):
+    """Return the rate of r = (q, w) under the torque tau [N·m]."""
+    w, i, j, k, a, b, c = r
+    hx, hy, hz = times(body.J, a, b, c)
+    tx = tau[0] - b * hz + c * hy
+    ty = tau[1] - c * hx + a * hz
+    tz = tau[2] - a * hy + b * hx
+    da, db, dc = times(body.J_inv, tx, ty, tz)
+    return (
+        0.5 * (-i * a - j * b - k * c),
+        0.5 * (w * a + j * c - k * b),
+        0.5 * (w * b + k * a - i * c),
+        0.5 * (w * c + i * b - j * a),
+        da - body.damping[0] * a,
+        db - body.damping[1] * b,
+        dc - body.damping[2] * c,
+    )
+
+
+@compiled
+def _thrust_axis(r):
+    """Return body z in W at r = (q, w)."""
+    w = r[0]
+    i = r[1]
+    j = r[2]
+    k = r[3]
+    return 2 * (i * k + w * j), 2 * (j * k - w * i), w * w - i * i - j * j + k * k
+
+
+@compiled
+def _moved(r, factor, rate):
+    """Return r + factor rate, of seven numbers."""
+    return (
+        r[0] + factor * rate[0],
+        r[1] + factor * rate[1],
+        r[2] + factor * rate[2],
+        r[3] + factor * rate[3],
+        r[4] + factor * rate[4],
+        r[5] + factor * rate[5],
+        r[6] + factor * rate[6],
+    )
+
+
+@compiled
+def _moved_axis(total, factor, axis):
+    """Return total + factor axis, of three numbers."""
+    return (total[0] + factor * axis[0], total[1] + factor * axis[1], total[2] + factor * axis[2])
 
 
 @compiled
@@ -304,114 +314,149 @@ def _respond(x, markov, i, chi):
 
 
 @compiled
-def _rollout(x, u, chi, markov, step, mass, gravity, J, J_inv, damping):
+def _rollout(x, u, chi, markov, body):
     """Write x_1 … x_N of the states x (N+1, 13) under u (N, 4), and add to chi (N, 6) what the
     motion drives.
     """
-    n = len(u)
     known = markov.shape[1]
-    for i in range(n):
+    for i in range(len(u)):
         if known:
             _respond(x, markov, i, chi[i])
-        _advance(x[i], u[i], chi[i], step, mass, gravity, J, J_inv, damping, x[i + 1])
+        _advance(x[i], u[i], chi[i], body, x[i + 1])
+
+
+class _Derivatives(NamedTuple):
+    """Derivatives over (q, w, tau) at the start of a step, and workspaces."""
+
+    r: np.ndarray  # (7, 10) of (q, w) at the current stage
+    rate: np.ndarray  # (7, 10) of their rate there
+    jacobian: np.ndarray  # (7, 7) of that rate over (q, w)
+    turned: np.ndarray  # (7, 10) of the weighted rates
+    in_v: np.ndarray  # (3, 10) of the weighted thrust axes in the velocity
+    in_p: np.ndarray  # (3, 10) in the position
+    axis_v: np.ndarray  # (3,) the weighted axes themselves
+    axis_p: np.ndarray  # (3,)
 
 
 @compiled
-def _linearise(x, u, chi, step, mass, J, J_inv, damping, Fx, Fu):
+def _linearise(x, u, chi, body, Fx, Fu):
     """Write the Jacobians over [x, chi] (N, 13, 19) and u (N, 13, 4), which come zeroed, of a step
     from each x (N, 13).
     """
-    D = np.zeros((7, 10))  # d(q, w) of the current stage over (q, w, tau) at its start
-    rate = np.zeros((7, 10))
-    total = np.zeros((7, 10))
-    M = np.zeros((7, 7))
-    turn = np.zeros((3, 3))
-    z = np.zeros((3, 10))
-    in_v = np.zeros((3, 10))
-    in_p = np.zeros((3, 10))
-    sixth = step / 6
+    over = _Derivatives(
+        np.zeros((7, 10)),
+        np.zeros((7, 10)),
+        np.zeros((7, 7)),
+        np.zeros((7, 10)),
+        np.zeros((3, 10)),
+        np.zeros((3, 10)),
+        np.zeros(3),
+        np.zeros(3),
+    )
     for n in range(len(x)):
-        r = np.zeros(7)
-        r[:4] = x[n, 3:7]
-        r[4:] = x[n, 10:13]
-        start = r.copy()
-        D[:] = 0.0
+        _differentiate_turn(x[n], u[n], chi[n], body, over)
+        _write_rows(u[n, 0], body, over, Fx[n], Fu[n])
+
+
+@compiled
+def _differentiate_turn(x, u, chi, body, over):
+    """Write the derivatives of the stages of one step from x (13,) to `over`."""
+    start = (x[3], x[4], x[5], x[6], x[10], x[11], x[12])
+    tau = (u[1] + chi[3], u[2] + chi[4], u[3] + chi[5])
+    r = start
+    for total in (over.r, over.turned, over.in_v, over.in_p):
         total[:] = 0.0
-        in_v[:] = 0.0
-        in_p[:] = 0.0
-        axis_v = np.zeros(3)
-        axis_p = np.zeros(3)
-        for c in range(7):
-            D[c, c] = 1.0
-        for stage in range(4):
-            w = r[0]
-            i = r[1]
-            j = r[2]
-            k = r[3]
-            a = r[4]
-            b = r[5]
-            c_ = r[6]
-            _rotation_jacobian(r, J, J_inv, damping, M, turn)
-            for row in range(7):
-                rate[row] = 0.0
-                for s in range(7) if row < 4 else range(4, 7):
-                    for col in range(10):
-                        rate[row, col] += M[row, s] * D[s, col]
-            for row in range(3):
-                for col in range(3):
-                    rate[4 + row, 7 + col] += J_inv[row, col]
-            axis = (2 * (i * k + w * j), 2 * (j * k - w * i), w * w - i * i - j * j + k * k)
+    over.axis_v[:] = 0.0
+    over.axis_p[:] = 0.0
+    for row in range(7):
+        over.r[row, row] = 1.0
+    for stage in range(4):
+        weight = _WEIGHT_V[stage]
+        ahead = _AHEAD[stage] * body.step
+        _differentiate_rate(r, body, over)
+        _add_axis(r, weight, _WEIGHT_P[stage], over)
+        r = _moved(start, ahead, _rotation_rate(r, tau, body))
+        for row in range(7):
+            turned = over.turned[row]
+            now = over.r[row]
+            rate = over.rate[row]
             for col in range(10):
-                dw = D[0, col]
-                di = D[1, col]
-                dj = D[2, col]
-                dk = D[3, col]
-                z[0, col] = 2 * (j * dw + k * di + w * dj + i * dk)
-                z[1, col] = 2 * (-i * dw - w * di + k * dj + j * dk)
-                z[2, col] = 2 * (w * dw - i * di - j * dj + k * dk)
-            weight = _WEIGHT_V[stage]
-            weight_p = _WEIGHT_P[stage]
-            ahead = _AHEAD[stage] * step
-            for row in range(3):
-                axis_v[row] += weight * axis[row]
-                axis_p[row] += weight_p * axis[row]
-                for col in range(10):
-                    in_v[row, col] += weight * z[row, col]
-                    in_p[row, col] += weight_p * z[row, col]
-            hx, hy, hz = times(J, a, b, c_)
-            tx = u[n, 1] + chi[n, 3] - b * hz + c_ * hy
-            ty = u[n, 2] + chi[n, 4] - c_ * hx + a * hz
-            tz = u[n, 3] + chi[n, 5] - a * hy + b * hx
-            rate_now = (a, b, c_)
-            r[0] = start[0] + ahead * 0.5 * (-i * a - j * b - k * c_)
-            r[1] = start[1] + ahead * 0.5 * (w * a + j * c_ - k * b)
-            r[2] = start[2] + ahead * 0.5 * (w * b + k * a - i * c_)
-            r[3] = start[3] + ahead * 0.5 * (w * c_ + i * b - j * a)
-            for row in range(3):
-                turned = J_inv[row, 0] * tx + J_inv[row, 1] * ty + J_inv[row, 2] * tz
-                r[4 + row] = start[4 + row] + ahead * (turned - damping[row] * rate_now[row])
-            for row in range(7):
-                for col in range(10):
-                    total[row, col] += weight * rate[row, col]
-                    D[row, col] = ahead * rate[row, col]
-                D[row, row] += 1.0
-        push_v = sixth * u[n, 0] / mass
-        push_p = step * sixth * u[n, 0] / mass
-        for row in range(3):
-            Fx[n, row, row] = 1.0
-            Fx[n, row, 7 + row] = step
-            Fx[n, 7 + row, 7 + row] = 1.0
-            Fx[n, row, 13 + row] = 0.5 * step * step / mass
-            Fx[n, 7 + row, 13 + row] = step / mass
-            Fu[n, row, 0] = step * sixth * axis_p[row] / mass
-            Fu[n, 7 + row, 0] = sixth * axis_v[row] / mass
-            _place(Fx[n, row], Fu[n, row], in_p[row], push_p)
-            _place(Fx[n, 7 + row], Fu[n, 7 + row], in_v[row], push_v)
-            _place(Fx[n, 10 + row], Fu[n, 10 + row], total[4 + row], sixth)
-            Fx[n, 10 + row, 10 + row] += 1.0
-        for row in range(4):
-            _place(Fx[n, 3 + row], Fu[n, 3 + row], total[row], sixth)
-            Fx[n, 3 + row, 3 + row] += 1.0
+                turned[col] += weight * rate[col]
+                now[col] = ahead * rate[col]
+            over.r[row, row] += 1.0
+
+
+@compiled
+def _differentiate_rate(r, body, over):
+    """Write the derivatives of the rate of (q, w) at a stage."""
+    _rotation_jacobian(r, body, over.jacobian)
+    for row in range(7):
+        m = over.jacobian[row]
+        a = m[0]
+        b = m[1]
+        c = m[2]
+        d = m[3]
+        e = m[4]
+        f = m[5]
+        g = m[6]
+        for col in range(10):
+            over.rate[row, col] = (
+                a * over.r[0, col]
+                + b * over.r[1, col]
+                + c * over.r[2, col]
+                + d * over.r[3, col]
+                + e * over.r[4, col]
+                + f * over.r[5, col]
+                + g * over.r[6, col]
+            )
+    for row in range(3):
+        for col in range(3):
+            over.rate[4 + row, 7 + col] += body.J_inv[row, col]
+
+
+@compiled
+def _add_axis(r, weight, weight_p, over):
+    """Add the thrust axis of a stage, and its derivatives, to their weighted sums."""
+    w = r[0]
+    i = r[1]
+    j = r[2]
+    k = r[3]
+    D = over.r
+    axis = _thrust_axis(r)
+    along = ((j, k, w, i), (-i, -w, k, j), (w, -i, -j, k))  # half of d axis / d q
+    for row in range(3):
+        over.axis_v[row] += weight * axis[row]
+        over.axis_p[row] += weight_p * axis[row]
+        p, q, s, t = along[row]
+        for col in range(10):
+            change = 2 * (p * D[0, col] + q * D[1, col] + s * D[2, col] + t * D[3, col])
+            over.in_v[row, col] += weight * change
+            over.in_p[row, col] += weight_p * change
+
+
+@compiled
+def _write_rows(thrust, body, over, Fx, Fu):
+    """Write the Jacobians of one step, (13, 19) and (13, 4), from the derivatives of its stages."""
+    step = body.step
+    mass = body.mass
+    sixth = step / 6
+    push_v = sixth * thrust / mass
+    push_p = step * sixth * thrust / mass
+    for row in range(3):
+        Fx[row, row] = 1.0
+        Fx[row, 7 + row] = step
+        Fx[7 + row, 7 + row] = 1.0
+        Fx[row, 13 + row] = 0.5 * step * step / mass
+        Fx[7 + row, 13 + row] = step / mass
+        Fu[row, 0] = step * sixth * over.axis_p[row] / mass
+        Fu[7 + row, 0] = sixth * over.axis_v[row] / mass
+        _place(Fx[row], Fu[row], over.in_p[row], push_p)
+        _place(Fx[7 + row], Fu[7 + row], over.in_v[row], push_v)
+        _place(Fx[10 + row], Fu[10 + row], over.turned[4 + row], sixth)
+        Fx[10 + row, 10 + row] += 1.0
+    for row in range(4):
+        _place(Fx[3 + row], Fu[3 + row], over.turned[row], sixth)
+        Fx[3 + row, 3 + row] += 1.0
 
 
 @compiled
@@ -428,55 +473,26 @@ def _place(row_x, row_u, over, factor):
 
 
 @compiled
-def _rotation_jacobian(r, J, J_inv, damping, M, turn):
-    """Write the Jacobian M (7, 7) of the rate of (q, w) at r (7,); `turn` (3, 3) is a workspace."""
-    w = r[0]
-    i = r[1]
-    j = r[2]
-    k = r[3]
-    a = r[4]
-    b = r[5]
-    c = r[6]
-    M[0, 1] = -0.5 * a
-    M[0, 2] = -0.5 * b
-    M[0, 3] = -0.5 * c
-    M[1, 0] = 0.5 * a
-    M[1, 2] = 0.5 * c
-    M[1, 3] = -0.5 * b
-    M[2, 0] = 0.5 * b
-    M[2, 1] = -0.5 * c
-    M[2, 3] = 0.5 * a
-    M[3, 0] = 0.5 * c
-    M[3, 1] = 0.5 * b
-    M[3, 2] = -0.5 * a
-    M[0, 4] = -0.5 * i
-    M[0, 5] = -0.5 * j
-    M[0, 6] = -0.5 * k
-    M[1, 4] = 0.5 * w
-    M[1, 5] = -0.5 * k
-    M[1, 6] = 0.5 * j
-    M[2, 4] = 0.5 * k
-    M[2, 5] = 0.5 * w
-    M[2, 6] = -0.5 * i
-    M[3, 4] = -0.5 * j
-    M[3, 5] = 0.5 * i
-    M[3, 6] = 0.5 * w
-    hx, hy, hz = times(J, a, b, c)
-    for col in range(3):  # -(w x J - (J w) x)
-        turn[0, col] = c * J[1, col] - b * J[2, col]
-        turn[1, col] = a * J[2, col] - c * J[0, col]
-        turn[2, col] = b * J[0, col] - a * J[1, col]
-    turn[0, 1] -= hz
-    turn[0, 2] += hy
-    turn[1, 0] += hz
-    turn[1, 2] -= hx
-    turn[2, 0] -= hy
-    turn[2, 1] += hx
-    for row in range(3):
+def _rotation_jacobian(r, body, out):
+    """Write the Jacobian (7, 7) of the rate of r = (q, w)."""
+    w, i, j, k, a, b, c = r
+    J = body.J
+    over_q = ((0.0, -a, -b, -c), (a, 0.0, c, -b), (b, -c, 0.0, a), (c, b, -a, 0.0))
+    over_w = ((-i, -j, -k), (w, -k, j), (k, w, -i), (-j, i, w))
+    for row in range(4):
+        for col in range(4):
+            out[row, col] = 0.5 * over_q[row][col]
         for col in range(3):
-            M[4 + row, 4 + col] = (
-                J_inv[row, 0] * turn[0, col]
-                + J_inv[row, 1] * turn[1, col]
-                + J_inv[row, 2] * turn[2, col]
-            )
-        M[4 + row, 4 + row] -= damping[row]
+            out[row, 4 + col] = 0.5 * over_w[row][col]
+    hx, hy, hz = times(J, a, b, c)
+    momentum = ((0.0, hz, -hy), (-hz, 0.0, hx), (hy, -hx, 0.0))
+    for col in range(3):  # J_inv times -(w x J - (J w) x)
+        turned = times(
+            body.J_inv,
+            c * J[1, col] - b * J[2, col] - momentum[0][col],
+            a * J[2, col] - c * J[0, col] - momentum[1][col],
+            b * J[0, col] - a * J[1, col] - momentum[2][col],
+        )
+        for row in range(3):
+            out[4 + row, 4 + col] = turned[row]
+        out[4 + col, 4 + col] -= body.damping[col]
