@@ -1,5 +1,7 @@
 """Error of a reader whose log is not usable, and the place that it names."""
 
+import contextlib
+from collections.abc import Iterator
 from typing import Any
 
 
@@ -27,6 +29,22 @@ def one_line(error: BaseException) -> str:
     nothing.
     """
     return " ".join((str(error) or type(error).__name__).split())[:200].rstrip(".")
+
+
+@contextlib.contextmanager
+def refusing_damage(path: object, what: str, remedy: str) -> Iterator[None]:
+    """Make a refusal of whatever a library raises where a file is damaged.
+
+    Args:
+        what: the file must be, whole.
+    Raises: LogError, OSError: as they are raised; LogError: in place of all others.
+    """
+    try:
+        yield
+    except (LogError, OSError):
+        raise
+    except Exception as error:
+        raise LogError(f"{path}: must be a whole {what}; {one_line(error)}. {remedy}") from error
 
 
 def place(

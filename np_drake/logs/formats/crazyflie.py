@@ -42,6 +42,7 @@ from np_drake.logs.formats.format import (
     expanded,
     first_source,
     read_content,
+    records,
 )
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -123,10 +124,7 @@ def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     streams = {}
     for key, (name, variables, record) in events.items():
         if name in wanted:
-            windows = np.lib.stride_tricks.sliding_window_view(
-                np.frombuffer(content, np.uint8), record.itemsize
-            )
-            rows = windows[np.array(starts[key], int)].view(record)[:, 0]
+            rows = records(content, np.array(starts[key], int), record)
             streams[name] = Stream(
                 rows["time"] * TIMES[version][1],
                 {n: _floats(rows[str(variables.index(n))]) for n in wanted[name]},
@@ -207,8 +205,8 @@ def _events(start: bytes, count: int, time: str) -> tuple[dict[int, Event], int]
         events[key] = name, tuple(_different([n for n, _ in fields])), np.dtype(layout)
     require(events, "must name an event type; got none")
     names = _different([name for name, _, _ in events.values()])
-    named = zip(events, names, events.values(), strict=True)
-    return {key: (name, own, record) for key, name, (_, own, record) in named}, offset
+    named = zip(names, events.items(), strict=True)
+    return {key: (name, *event[1:]) for name, (key, event) in named}, offset
 
 
 def _text(start: bytes, offset: int) -> tuple[str, int]:
@@ -229,15 +227,15 @@ def _variable(text: str) -> tuple[str, str]:
 
 def _different(names: Sequence[str]) -> list[str]:
     """Return the names with a number after each that is taken by one before it."""
-    found: dict[str, None] = {}
+    different: dict[str, None] = {}
     numbers: Counter[str] = Counter()
     for name in names:
         candidate = name
-        while candidate in found:
+        while candidate in different:
             numbers[name] += 1
             candidate = f"{name}.{numbers[name]}"
-        found[candidate] = None
-    return list(found)
+        different[candidate] = None
+    return list(different)
 
 
 def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) -> Recording:
@@ -282,17 +280,17 @@ def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
 
 def _variables(path: Path, content: bytes) -> tuple[list[tuple[str, str]], int]:
     """Return name and NumPy type of every variable of a log in blocks, and where these begin."""
-    found = []
+    variables = []
     at = 1
     try:
         for _ in range(content[0]):
             end = content.index(b",", at)
-            found.append(_variable(content[at:end].decode("ascii", "replace")))
+            variables.append(_variable(content[at:end].decode("ascii", "replace")))
             at = end + 1
-        names = _different([name for name, _ in found])
+        names = _different([name for name, _ in variables])
     except ValueError as error:
         raise LogError(f"{path}, header: {error}; {REMEDY}.") from error
-    return [(name, kind) for name, (_, kind) in zip(names, found, strict=True)], at + 4
+    return [(name, kind) for name, (_, kind) in zip(names, variables, strict=True)], at + 4
 
 
 def _quaternions(packed: np.ndarray) -> dict[str, np.ndarray]:

@@ -22,7 +22,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.files.file_access import decompressed_start, uncompressed
-from np_drake.logs.errors import LogError, optional_package
+from np_drake.logs.errors import LogError, optional_package, refusing_damage
 from np_drake.logs.formats.format import (
     COUNTED,
     FEW_CLIPS,
@@ -36,6 +36,7 @@ from np_drake.logs.formats.format import (
     first_source,
     no_progress,
     of_collective,
+    records,
     scanned,
     shaking,
 )
@@ -91,11 +92,8 @@ def motors(contents: Contents) -> Motors:
             f"no output drives a motor (SERVOn_FUNCTION 33 …), and output {other} has another "
             "function. Name columns as throttle in a map.",
         )
-    columns = [  # empty: the output is not logged
-        next((f"{s}/C{n}" for s in ("RCOU", "RCO2", "RCO3") if f"C{n}" in contents.get(s, ())), "")
-        for n in outputs
-    ]
-    missing = next((n for n, column in zip(outputs, columns, strict=True) if not column), 0)
+    sources = {n: first_source(contents, f"RCOU/C{n}", f"RCO2/C{n}", f"RCO3/C{n}") for n in outputs}
+    missing = next((n for n, source in sources.items() if not source), 0)
     require(
         not (
             missing
@@ -113,7 +111,13 @@ def motors(contents: Contents) -> Motors:
     )
     low, high = (parameters.get(f"MOT_PWM_{end}", 0.0) for end in ("MIN", "MAX"))
     throttle = (
-        Source() if missing else Source(columns, "us", ends=[low, high] if 0 < low < high else [])
+        Source()
+        if missing
+        else Source(
+            [name for source in sources.values() for name in source.columns],
+            "us",
+            ends=[low, high] if 0 < low < high else [],
+        )
     )
     if count != 4:
         return Motors(throttle, notes=of_collective(count, kind))
@@ -130,12 +134,12 @@ def motors(contents: Contents) -> Motors:
 def _outputs(parameters: Mapping[str, float]) -> list[int]:
     """Return the outputs of motor 1, 2, …; none where no parameter says it."""
     matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
-    found = [
+    motors = [
         (MOTOR_FUNCTIONS.index(int(value)), int(match[1]))
         for match, value in matches
         if match and value in MOTOR_FUNCTIONS
     ]
-    return [number for _, number in sorted(dict(reversed(found)).items())]  # the first of a motor
+    return [number for _, number in sorted(dict(reversed(motors)).items())]  # the first of a motor
 
 
 def _escs(contents: Contents, outputs: Sequence[int]) -> list[str]:
@@ -146,8 +150,8 @@ def _escs(contents: Contents, outputs: Sequence[int]) -> list[str]:
         known = [
             name.format(i) for i in range(first, 33) if "RPM" in contents.get(name.format(i), ())
         ]
-        own = [name.format(number - 1 + first) for number in outputs]
-        chosen = own if set(own) <= set(known) else known
+        numbered = [name.format(number - 1 + first) for number in outputs]
+        chosen = numbered if set(numbered) <= set(known) else known
         if len(chosen) == 4:
             return [f"{stream}/RPM" for stream in chosen]
     return []
@@ -248,7 +252,7 @@ class _Message:
 
     def __init__(self, form: Any, starts: Any, data: mmap.mmap, codes: Mapping[str, Any]) -> None:
         self.name = form.name
-        self._bytes = np.frombuffer(data, np.uint8)
+        self._data = data
         self.kinds: dict[str, tuple[str, int]] = {}
         for column, character in zip(form.columns, form.format, strict=False):
             code, factor, _ = codes[character]
@@ -256,9 +260,9 @@ class _Message:
             self.kinds[column.strip()] = kind, round(1 / factor) if factor else 1
         self.record = np.dtype([(name, kind) for name, (kind, _) in self.kinds.items()])
         self.length = 3 + self.record.itemsize
-        whole = len(self.kinds) == len(form.columns) == len(form.format)
+        complete = len(self.kinds) == len(form.columns) == len(form.format)
         places = np.array(starts, dtype=np.int64)
-        last = len(data) - self.length if whole and form.len == self.length else -1
+        last = len(data) - self.length if complete and form.len == self.length else -1
         self.starts = places[places <= last]
         figures = [c for c, (kind, _) in self.kinds.items() if not kind.startswith("S")]
         clocks = ("TimeUS",) if self.name.startswith("GPS") else tuple(TIMES)
@@ -270,8 +274,7 @@ class _Message:
     def column(self, name: str) -> np.ndarray:
         """Return the values of a column (n,), as they are stored."""
         kind, offset = self.record.fields[name][:2]  # type: ignore[index]
-        windows = np.lib.stride_tricks.sliding_window_view(self._bytes, kind.itemsize)
-        return windows[self.starts + 3 + offset].view(kind)[:, 0]
+        return records(self._data, self.starts + 3 + offset, kind)
 
     def values(self, names: list[str]) -> np.ndarray:
         """Return columns of numbers (n, names)."""
@@ -301,23 +304,16 @@ class _Log:
         ).DFReader
         self.path = path
         self.messages: dict[str, _Message] = {}
-        try:
-            with uncompressed(path) as whole:
-                with whole.open("rb") as file:
+        remedy = "Copy it again from the vehicle."
+        with refusing_damage(path, "ArduPilot log (.bin)", remedy):
+            with uncompressed(path) as plain:
+                with plain.open("rb") as file:
                     data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
                 require(data[:2] == FMT[:2], "it is no binary log, of which the text was made")
-                reader = _index(library, whole, progress)
+                reader = _index(library, plain, progress)
             for number, form in reader.formats.items():
                 message = _Message(form, reader.offsets[number], data, library.FORMAT_TO_STRUCT)
                 self.messages.setdefault(message.name, message)
-        except OSError:
-            raise
-        except Exception as error:  # pymavlink says what is wrong with a file in many ways
-            reason = (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")
-            raise LogError(
-                f"{path}: must be a whole ArduPilot log (.bin); {reason}; copy it again from the "
-                f"vehicle."
-            ) from error
         require(
             any(len(m.starts) and m.time for m in self.messages.values()),
             f"{path}: must hold ArduPilot messages with times; there are none. Copy it again.",
@@ -357,15 +353,15 @@ def _index(library: Any, path: Path, progress: Progress) -> Any:
 
 def _contents(path: Path) -> Contents:
     log = _Log(path, no_progress)
-    found: dict[str, tuple[str, ...]] = {}
+    contents: dict[str, tuple[str, ...]] = {}
     for message in log.messages.values():
         if len(message.starts) and message.time and message.numbers:
             instances = message.instances()
-            found |= dict.fromkeys(
+            contents |= dict.fromkeys(
                 [f"{message.name}.{i}" for i in instances] or [message.name], message.numbers
             )
             if len(instances) > 1 and len(_lanes(log, message.name)[0]):
-                found[f"{message.name}.{PRIMARY}"] = message.numbers
+                contents[f"{message.name}.{PRIMARY}"] = message.numbers
     parameters = _parameters(log)
     frame = int(parameters.get("FRAME_CLASS", 0))
     kind, count = FRAMES.get(frame, ("a frame that is not known", 0))
@@ -376,7 +372,7 @@ def _contents(path: Path) -> Contents:
             other = f"a {match[1].lower()} ({text})"
             if parameters.get("Q_ENABLE", 0.0) > 0:
                 other = f"a VTOL: {other} with Q_ENABLE"
-    return Scanned(found, parameters, other=other)
+    return Scanned(contents, parameters, other=other)
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -390,8 +386,11 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     messages = (name.partition(".")[0] for name in wanted)
     since, lane = _lanes(log, next((message for message in messages if message in LANES), ""))
     breaks = tuple(
-        (float(t), f"the autopilot switches from core {own:g} of its estimator to core {other:g}")
-        for t, own, other in zip(since[1:], lane[:-1], lane[1:], strict=True)
+        (
+            float(t),
+            f"the autopilot switches from core {before:g} of its estimator to core {after:g}",
+        )
+        for t, before, after in zip(since[1:], lane[:-1], lane[1:], strict=True)
     )
     clips, said = _shaken(log)
     return Recording(

@@ -264,3 +264,10 @@ def read_content(path: Path) -> bytes:
         return decompressed(path)
     except ValueError as error:
         raise LogError(str(error)) from error
+
+
+def records(content: Any, starts: np.ndarray, kind: np.dtype) -> np.ndarray:
+    """Return records (n,) of one type that start at places (n,) in a content [bytes]."""
+    data = np.frombuffer(content, np.uint8)
+    windows = np.lib.stride_tricks.sliding_window_view(data, kind.itemsize)
+    return windows[starts].view(kind)[:, 0]

@@ -29,7 +29,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.files.file_access import note_input, size_of
-from np_drake.logs.errors import LogError, one_line, optional_package
+from np_drake.logs.errors import LogError, one_line, optional_package, refusing_damage
 from np_drake.logs.formats.format import (
     Contents,
     Format,
@@ -201,7 +201,7 @@ def _open(path: Path) -> Iterator[_Bag]:
     readers = _readers(path)
     with contextlib.ExitStack() as stack:
         bag = _Bag(path)
-        try:
+        with refusing_damage(path, "ROS bag", REMEDY):
             files = [path]
             if path.is_dir():
                 files = [file for file in path.iterdir() if file.suffix in FILES]
@@ -210,12 +210,6 @@ def _open(path: Path) -> Iterator[_Bag]:
             for file in files:
                 _add_file(bag, file, readers, stack)
             _find_topics(bag)
-        except LogError:
-            raise
-        except Exception as error:  # whatever may be met in damaged bytes
-            raise LogError(
-                f"{path}: must be a whole ROS bag; {one_line(error)}. {REMEDY}"
-            ) from error
         yield bag
 
 

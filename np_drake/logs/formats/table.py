@@ -37,7 +37,7 @@ TIMES = {
 
 
 # Our own columns: field of the map, group of columns, how they are meant; the first that is there.
-OWN: tuple[tuple[str, str, dict[str, Any]], ...] = (
+OUR_COLUMNS: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("attitude", "q", {}),
     ("position", "p", {}),
     ("velocity", "v", {"axes": "world"}),
@@ -90,7 +90,7 @@ def default_map(contents: Contents) -> LogMap | None:
     if "t" not in here or not (posed or {"w", "force"} <= here.keys()):
         return None
     log_map = LogMap(format=STREAM, command="held_after", time=Source(["t"]))
-    for name, field, how in OWN:
+    for name, field, how in OUR_COLUMNS:
         columns = here.get(field)
         if columns and not getattr(log_map, name):
             setattr(log_map, name, Source(columns, **how))

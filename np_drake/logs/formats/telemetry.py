@@ -10,7 +10,6 @@ Source: MAVLink developer guide, "Packet Serialization" and the common messages.
 
 import contextlib
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -82,20 +81,21 @@ class _Log:
             source, number, size = _frame(self.data, at)
             follows = at + size == len(self.data) or _frame(self.data, at + size)[2]
             if not size or not (follows or self._decoded(at)):
-                found = FIRST_BYTES.search(self.data, at + STAMP + 1)
-                after = found.start() - STAMP if found else len(self.data)
+                match = FIRST_BYTES.search(self.data, at + STAMP + 1)
+                after = match.start() - STAMP if match else len(self.data)
                 self.lost += after - at
                 at = after
                 continue
             places.setdefault(source, {}).setdefault(number, []).append(at)
             at = end = at + size
         self.cut = end < len(self.data)
-        told = Counter({s: sum(len(own.get(n, ())) for n in STATE) for s, own in places.items()})
-        source = max(told, key=lambda one: told[one], default=(0, 0))
+        counts = {s: sum(len(known.get(n, ())) for n in STATE) for s, known in places.items()}
+        source = max(counts, key=lambda vehicle: counts[vehicle], default=(0, 0))
+        count = counts.get(source, 0)
         require(
-            told[source] >= LEAST_ROWS,
+            count >= LEAST_ROWS,
             f"{path}: must hold the state of a vehicle (ATTITUDE, LOCAL_POSITION_NED) in "
-            f"{LEAST_ROWS} messages; it has {told[source]}{f', and {CUT}' if self.cut else ''}. "
+            f"{LEAST_ROWS} messages; it has {count}{f', and {CUT}' if self.cut else ''}. "
             "Copy it again, or bring the vehicle's own log.",
             LogError,
         )
@@ -121,9 +121,9 @@ class _Log:
 
     def rows(self, number: int, columns: list[str]) -> tuple[np.ndarray, np.ndarray]:
         """Return times of receipt (n,) [s] and columns (n, k); an array's are `name[i]`."""
-        found = [(stamp, [_value(m, c) for c in columns]) for stamp, m in self.messages(number)]
-        rows = np.array([row for _, row in found], float).reshape(len(found), len(columns))
-        return np.array([stamp for stamp, _ in found]), rows
+        rows = [(stamp, *(_value(m, c) for c in columns)) for stamp, m in self.messages(number)]
+        table = np.array(rows, float).reshape(len(rows), 1 + len(columns))
+        return table[:, 0], table[:, 1:]
 
 
 def _frame(data: bytes, at: int) -> tuple[tuple[int, int], int, int]:
@@ -158,11 +158,11 @@ def _value(message: Any, column: str) -> float:
 
 def _columns(kind: Any) -> list[str]:
     """Return the names of the numbers of a message, without those of its time and instance."""
-    found: list[str] = []
+    names: list[str] = []
     for name, form, size in zip(kind.fieldnames, kind.fieldtypes, kind.array_lengths, strict=True):
         if form != "char" and name not in (*CLOCKS, kind.instance_field):
-            found += indexed(name, size) if size else [name]
-    return found
+            names += indexed(name, size) if size else [name]
+    return names
 
 
 def _contents(path: Path) -> Contents:
@@ -171,19 +171,19 @@ def _contents(path: Path) -> Contents:
     """
     log = _Log(path)
     parameters = _parameters(log)
-    found: dict[str, tuple[str, ...]] = {}
+    contents: dict[str, tuple[str, ...]] = {}
     for name, number in log.names.items():
         kind = log.library.mavlink_map[number]
         columns = _columns(kind)
         if not kind.instance_field:
-            found[name] = tuple(columns)
+            contents[name] = tuple(columns)
             continue
         _, rows = log.rows(number, [kind.instance_field, *columns])
         for instance in np.unique(rows[:, 0]):
             kept = np.ptp(rows[rows[:, 0] == instance, 1:], axis=0) > 0
             kept |= name != "SERVO_OUTPUT_RAW" or _is_ardupilot(parameters)
-            found[f"{name}.{instance:g}"] = tuple(np.array(columns)[kept].tolist())
-    return Scanned(found, parameters, other=ulog.other_vehicle(parameters), cut=log.cut)
+            contents[f"{name}.{instance:g}"] = tuple(np.array(columns)[kept].tolist())
+    return Scanned(contents, parameters, other=ulog.other_vehicle(parameters), cut=log.cut)
 
 
 def _is_ardupilot(parameters: Mapping[str, float]) -> bool:
@@ -194,13 +194,13 @@ def _parameters(log: _Log) -> dict[str, float]:
     """Return the parameters that the vehicle told, its autopilot and its type by number."""
     _, beats = log.rows(HEARTBEAT, ["autopilot", "type"])
     maker, kind = beats.max(axis=0, initial=0.0)
-    found = {"MAV_AUTOPILOT": float(maker), "MAV_TYPE": float(kind)}
+    parameters = {"MAV_AUTOPILOT": float(maker), "MAV_TYPE": float(kind)}
     for _, message in log.messages(PARAMETER):
         value = message.param_value
         if AUTOPILOTS.get(int(maker)) == "PX4" and message.param_type == INTEGER:
             value = np.float32(value).view(np.int32)
-        found[message.param_id] = float(value)
-    return {name: value for name, value in found.items() if np.isfinite(value)}
+        parameters[message.param_id] = float(value)
+    return {name: value for name, value in parameters.items() if np.isfinite(value)}
 
 
 class _Clock:
@@ -209,29 +209,29 @@ class _Clock:
     breaks: times at which the vehicle boots again [s].
     """
 
-    def __init__(self, stamps: np.ndarray, own: np.ndarray) -> None:
-        again = np.flatnonzero(np.diff(own) < -RESTART) + 1
+    def __init__(self, stamps: np.ndarray, since: np.ndarray) -> None:
+        again = np.flatnonzero(np.diff(since) < -RESTART) + 1
         self._since = stamps[again]
-        self._leads = np.array([np.median(part) for part in np.split(stamps - own, again)])
+        self._leads = np.array([np.median(part) for part in np.split(stamps - since, again)])
         self.breaks = self.of(self._since, np.full(len(again), np.nan))
 
-    def of(self, stamps: np.ndarray, own: np.ndarray) -> np.ndarray:
+    def of(self, stamps: np.ndarray, since: np.ndarray) -> np.ndarray:
         """Return times (n,) from those of receipt, and those since a boot, NaN where none is
         told [s].
         """
         boot = np.searchsorted(self._since, stamps, side="right")
         lead = self._leads[boot]
-        told = np.abs(stamps - own - lead) < AROUND
-        return np.where(told, own, stamps - lead) + (lead - self._leads[0])
+        known = np.abs(stamps - since - lead) < AROUND
+        return np.where(known, since, stamps - lead) + (lead - self._leads[0])
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     log = _Log(path)
-    stamps, own = log.rows(
+    stamps, boot = log.rows(
         max(STATE, key=lambda number: len(log.places.get(number, ()))), ["time_boot_ms"]
     )
     require(len(stamps), f"{path}: must hold whole messages; it has none. Copy it again.", LogError)
-    clock = _Clock(stamps, own[:, 0] * CLOCKS["time_boot_ms"])
+    clock = _Clock(stamps, boot[:, 0] * CLOCKS["time_boot_ms"])
     streams = {}
     for i, (name, columns) in enumerate(wanted.items(), start=1):
         base, _, instance = name.partition(".")
@@ -267,7 +267,7 @@ def motors(contents: Contents) -> Motors:
     """
     parameters = scanned(contents).parameters
     ardupilot = _is_ardupilot(parameters)
-    names: dict[str, str] = {}  # of the columns here, by those in the autopilot's own log
+    names: dict[str, str] = {}  # of the columns here, by those in the autopilot's log
     for name in (
         f"{stream}/{column}" for stream, columns in contents.items() for column in columns
     ):
@@ -277,15 +277,16 @@ def motors(contents: Contents) -> Motors:
             px4 = f"actuator_outputs{f'.{port}' if port > 0 else ''}/output[{number - 1}]"
             names[f"RCOU/C{16 * port + number}" if ardupilot else px4] = name
         elif speed := SPEEDS.fullmatch(name):
-            names[f"ESC.{speed[1]}/RPM" if ardupilot else f"esc_status/esc[{speed[1]}].esc_rpm"] = (
-                name
-            )
-    pairs = [tuple(name.split("/")) for name in names]
-    own = {stream: tuple(c for s, c in pairs if s == stream) for stream, _ in pairs}
-    found = (dataflash if ardupilot else ulog).motors(Scanned(own, parameters))
-    for source in (found.throttle, found.rotor_speed):
+            px4 = f"esc_status/esc[{speed[1]}].esc_rpm"
+            names[f"ESC.{speed[1]}/RPM" if ardupilot else px4] = name
+    streams: dict[str, tuple[str, ...]] = {}
+    for name in names:
+        stream, column = name.split("/")
+        streams[stream] = (*streams.get(stream, ()), column)
+    driven = (dataflash if ardupilot else ulog).motors(Scanned(streams, parameters))
+    for source in (driven.throttle, driven.rotor_speed):
         source.columns = [names[column] for column in source.columns]
-    return found
+    return driven
 
 
 def default_map(contents: Contents) -> LogMap | None:

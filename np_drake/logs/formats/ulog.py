@@ -20,7 +20,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.logs.columns import LEAST_ROWS
-from np_drake.logs.errors import LogError, optional_package
+from np_drake.logs.errors import LogError, optional_package, refusing_damage
 from np_drake.logs.formats.format import (
     COUNTED,
     CUT,
@@ -48,6 +48,7 @@ ROTOR_COLUMN = re.compile(r"(esc\[\d+\]\.esc_rpm|control\[\d+\]|output\[\d+\])")
 FUNCTION = re.compile(r"([A-Z0-9_]+)_FUNC(\d+)")  # of an output
 FIRST_MOTOR = 101  # function of an output, or of a speed controller, that is motor 1
 MOST_MOTORS = 12
+COUNTS = SIZES["throttle"][1:]  # of motors that are read
 MAIN = "PWM_MAIN"  # group whose driver PX4 starts before those of others: the first stream is its
 BY_TYPE = {2: 4, 13: 6, 14: 8}  # rotors by MAV_TYPE
 # Vehicles that are no multicopters. Source: MAVLink's MAV_TYPE, PX4's parameter reference.
@@ -77,23 +78,22 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
     """
     header = scanned(contents)
     parameters = header.parameters
-    values = header.values_of
     fast = {n: columns for n, columns in contents.items() if header.rates.get(n, np.inf) >= slowest}
     lifting = _lifting(parameters)
     moving = [c for c in fast.get("actuator_motors", ()) if ROTOR_COLUMN.fullmatch(c)]
     allocated = [f"control[{n}]" for n in lifting] or moving
-    if len(allocated) in SIZES["throttle"][1:] and set(allocated) <= set(moving):
+    if len(allocated) in COUNTS and set(allocated) <= set(moving):
         throttle = Source([f"actuator_motors/{c}" for c in allocated], "1")
     else:
-        throttle = _outputs(contents, parameters, values, lifting)
+        throttle = _outputs(header, lifting)
     if any(column.partition("/")[0] not in fast for column in throttle.columns):
         throttle = Source()
     count = len(lifting) if lifting else len(throttle.columns)
-    speed = Source() if count > 4 else _rotor_speed(fast, values, lifting)
-    placed = {
+    speed = Source() if count > 4 else _rotor_speed(fast, header.values_of, lifting)
+    positions = {
         tuple(parameters.get(f"CA_ROTOR{n}_P{axis}", float(n)) for axis in "XY") for n in lifting
     }
-    notes = of_collective(count, "coaxial rotors" if len(placed) < len(lifting) else "")
+    notes = of_collective(count, "coaxial rotors" if len(positions) < len(lifting) else "")
     four = 4 in (len(throttle.columns), len(speed.columns))
     return Motors(
         throttle,
@@ -131,40 +131,44 @@ def _lifting(parameters: Parameters) -> list[int]:
     return [n for n in range(count) if n not in tilted]
 
 
-def _outputs(
-    contents: Contents, parameters: Parameters, values: Mapping[str, float], lifting: Sequence[int]
-) -> Source:
+def _outputs(header: Scanned, lifting: Sequence[int]) -> Source:
     """Return the outputs of the motors by their functions; where none states its function, those
     that move if they are as many as motors.
     """
     streams = {
         name: [c for c in columns if ROTOR_COLUMN.fullmatch(c)]
-        for name, columns in contents.items()
+        for name, columns in header.items()
         if name.partition(".")[0] == "actuator_outputs"
     }
+    parameters = header.parameters
     matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
     used = {(m[1], int(m[2])): int(value) for m, value in matches if m and value}
     if used:
         motors = {f - FIRST_MOTOR: output for output, f in reversed(used.items())}
         chosen = [motors[n] for n in lifting or range(MOST_MOTORS) if n in motors]
-        whole = len(chosen) in SIZES["throttle"][1:] and len(chosen) == len(lifting or chosen)
-        found = _by_function(streams, chosen, used, values) if whole else []
-        return Source(found, **_unit(parameters, chosen)) if found else Source()
-    lifts = {n: c for n, c in streams.items() if values.get(f"{n}/{LIFTS}", 0.0) > LIFTING}
+        complete = len(chosen) in COUNTS and len(chosen) == len(lifting or chosen)
+        columns = _by_function(header, streams, chosen, used) if complete else []
+        return Source(columns, **_unit(parameters, chosen)) if columns else Source()
+    lifts = {name: columns for name, columns in streams.items() if _lifts(header, name)}
     for name, columns in (lifts or streams).items():
-        if len(columns) in SIZES["throttle"][1:] and len(columns) == (len(lifting) or 4):
+        if len(columns) in COUNTS and len(columns) == (len(lifting) or 4):
             return Source([f"{name}/{c}" for c in columns], **_unit(parameters, []))
     return Source()
+
+
+def _lifts(header: Scanned, name: str) -> bool:
+    """Return whether the outputs of a stream go with the collective thrust."""
+    return header.values_of.get(f"{name}/{LIFTS}", 0.0) > LIFTING
 
 
 Output = tuple[str, int]  # group of outputs, and number in it, from 1
 
 
 def _by_function(
+    header: Scanned,
     streams: Mapping[str, Sequence[str]],
     chosen: Sequence[Output],
     used: Collection[Output],
-    values: Mapping[str, float],
 ) -> list[str]:
     """Return the columns of outputs. Each group of them is one stream: in which its motors move,
     and of several such that which lifts the vehicle, in which no output without a function moves,
@@ -176,12 +180,12 @@ def _by_function(
     stream_of: dict[str, str] = {}
     for group in dict.fromkeys(group for group, _ in chosen):
         wanted, known = (
-            {f"output[{number - 1}]" for own, number in outputs if own == group}
+            {f"output[{number - 1}]" for name, number in outputs if name == group}
             for outputs in (chosen, used)
         )
         able = [n for n in streams if wanted <= set(streams[n]) and n not in stream_of.values()]
         for likely in (
-            [n for n in able if values.get(f"{n}/{LIFTS}", 0.0) > LIFTING],
+            [n for n in able if _lifts(header, n)],
             [n for n in able if set(streams[n]) <= known],
             [n for n in able if first and ("." in n) == (group != MAIN)],
         ):
@@ -333,15 +337,15 @@ class _Bounded(io.BufferedReader):
         super().__init__(io.FileIO(path))
         self._size = max(path.stat().st_size, 1)
         self._progress = progress
-        self._left = 100 * self._size + (16 << 20)
+        self._remaining = 100 * self._size + (16 << 20)
         self._calls = 0
 
     def read(self, size: int | None = -1, /) -> bytes:
         """Read bytes; ValueError where far more was read than a file of this size takes."""
         data = super().read(size)
         self.cut = len(data) < (size or 0) and (size != 3 or bool(data))
-        self._left -= len(data) + 32
-        require(self._left >= 0, "its messages lead in circles", RuntimeError)
+        self._remaining -= len(data) + 32
+        require(self._remaining >= 0, "its messages lead in circles", RuntimeError)
         self._calls += 1
         if not self._calls & 0x3FFF:
             self._progress(min(self.tell() / self._size, 1.0))
@@ -357,15 +361,15 @@ def _parse(path: Path, names: Sequence[str] | None, progress: Progress) -> tuple
     pyulog = optional_package(
         "pyulog", path, "ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV."
     )
-    left = MOST_FIELDS
+    remaining = MOST_FIELDS
 
     class Added(pyulog.ULog._MessageAddLogged):  # type: ignore[misc,name-defined]
         """A subscription; pyulog leaves one out that has no time, or too many fields."""
 
         def __init__(self, data: bytes, header: Any, formats: Any) -> None:
-            nonlocal left
-            left -= counts.get(data[3:].decode("utf-8", "ignore"), 0)
-            require(left >= 0, "more fields than a log has")
+            nonlocal remaining
+            remaining -= counts.get(data[3:].decode("utf-8", "ignore"), 0)
+            require(remaining >= 0, "more fields than a log has")
             super().__init__(data, header, formats)
             require(
                 self.timestamp_idx >= 0
@@ -376,21 +380,19 @@ def _parse(path: Path, names: Sequence[str] | None, progress: Progress) -> tuple
     class Log(pyulog.ULog):  # type: ignore[misc,name-defined]
         _MessageAddLogged = Added
 
-    with _Bounded(path, no_progress) as start, _Bounded(path, progress) as file:
-        try:
-            with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints its warnings
-                head = pyulog.ULog(start, parse_header_only=True)
-                require(
-                    all(a < b for a, b in itertools.pairwise(head._appended_offsets)),
-                    "its appended data lead back",  # and would be read twice
-                )
-                counts = _field_counts(head.message_formats)
-                log = Log(file, names)
-        except Exception as error:  # pyulog says what is wrong with a file in many ways
-            reason = (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")
-            raise LogError(
-                f"{path}: must be a whole ULog file; {reason}; copy it again from the vehicle."
-            ) from error
+    with (
+        _Bounded(path, no_progress) as start,
+        _Bounded(path, progress) as file,
+        refusing_damage(path, "ULog file", "Copy it again from the vehicle."),
+        contextlib.redirect_stdout(io.StringIO()),  # pyulog prints its warnings
+    ):
+        head = pyulog.ULog(start, parse_header_only=True)
+        require(
+            all(a < b for a, b in itertools.pairwise(head._appended_offsets)),
+            "its appended data lead back",  # and would be read twice
+        )
+        counts = _field_counts(head.message_formats)
+        log = Log(file, names)
     progress(1.0)
     return log, file.cut
 
@@ -427,7 +429,7 @@ def _contents(path: Path) -> Contents:
     Raises: LogError: if it is no ULog file, or pyulog is not installed.
     """
     log, cut = _parse(Path(path), None, no_progress)
-    found: dict[str, tuple[str, ...]] = {}
+    contents: dict[str, tuple[str, ...]] = {}
     rates: dict[str, float] = {}
     values: dict[str, float] = {}
     for data in sorted(log.data_list, key=lambda data: data.msg_id):  # as the log names them
@@ -439,7 +441,7 @@ def _contents(path: Path) -> Contents:
         ]
         if data.name in PROBED:
             t = data.data["timestamp"]
-            span = float(t.max() - t.min())
+            span = float(np.ptp(t))
             rates[name] = (len(t) - 1) * 1e6 / span if span else 0.0
             values |= {
                 f"{name}/{c}": float(data.data[c][-1])
@@ -458,13 +460,13 @@ def _contents(path: Path) -> Contents:
             values[f"{name}/{LIFTS}"] = _lift(
                 log, t, [data.data[c].astype(float) for c in columns if c in moves]
             )
-        found.setdefault(name, tuple(columns))
+        contents.setdefault(name, tuple(columns))
     parameters = {
         n: float(v)
         for n, v in log.initial_parameters.items()
         if isinstance(v, int | float) and np.isfinite(v)
     }
-    return Scanned(found, parameters, rates, values, other=other_vehicle(parameters), cut=cut)
+    return Scanned(contents, parameters, rates, values, other=other_vehicle(parameters), cut=cut)
 
 
 def _lift(log: Any, t: np.ndarray, outputs: Sequence[np.ndarray]) -> float:
@@ -662,8 +664,8 @@ def _facts(log: Any) -> dict[str, str]:
     thrust.
     """
     facts = {"clock": "time since the start of the log [s]"}
-    said = log.msg_info_dict
-    facts |= {title: str(said[key]) for key, title in HEADER_FACTS.items() if key in said}
+    header = log.msg_info_dict
+    facts |= {title: str(header[key]) for key, title in HEADER_FACTS.items() if key in header}
     with contextlib.suppress(TypeError):  # damaged: no number
         release = log.get_version_info("ver_sw_release")
         if release is not None:
