@@ -20,9 +20,9 @@ from np_drake.diagnosis.forward_model import (
     predicted_residual,
     swing_wrenches,
 )
-from np_drake.diagnosis.numerics import NoiseModel, minimise, places, scale_only
+from np_drake.diagnosis.numerics import Minimum, NoiseModel, minimise, places, scale_only
 from np_drake.diagnosis.options import SURE, Priors
-from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, WhiteNuisance
+from np_drake.diagnosis.regressors import Model, RegressionProblem
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.swing_fit import fitted_to_whole_flight
 from np_drake.effects.base import Effect, SensorEffect, correlation_root, usual_size
@@ -222,109 +222,147 @@ class Fit:
         return [*self.terms, *self.calibration]
 
 
-def refine(
-    terms: Sequence[Term],
-    calibration: Sequence[Deviation],
-    flights: Sequence[FlightResiduals],
-    noise: NoiseModel,
-    *,
-    temperature: float,
-    linear: Sequence[Candidate] = (),
-    evaluations: int = 8,
-    priors: Priors,
-    white: WhiteNuisance | None = None,
-) -> Fit:
-    """Fit terms and calibration to the flights by bounded Gauss-Newton, starting from the terms'
-    values.
+class _WhitenedModel:
+    """Whitened residual of a model on the flights of a problem, and its normal equations.
 
-    Args:
-        temperature: factor on the noise variance [1].
-        white: the linear nuisance, where it is whitened already.
+    z (n + k,): free parameters over their scales, then coefficients of linear nuisance. The prior
+    is a block of rows W z ~ N(0, 1), so that least squares on all rows gives the maximum a
+    posteriori.
     """
-    everything = [*terms, *(d.term for d in calibration)]
-    known = {len(terms) + i: d for i, d in enumerate(calibration)}
-    free = free_parameters(everything, flights, known, priors)
-    scale, neutral, lower, upper = (
-        np.array([(f.scale, f.neutral, f.lower, f.upper) for f in free]).reshape(-1, 4).T
-    )
-    root = 1.0 / np.sqrt(temperature)
-    n = len(free)
-    white = white or WhiteNuisance(flights, linear, noise, root)
-    k = len(white.gram)
-    rows = max((own.stop for own in white.rows.values()), default=0)
-    # The prior is a block of rows W z ~ N(0, 1), so that least squares on all rows gives the
-    # maximum a posteriori.
-    W = prior_whitening(everything, free)
-    derivatives: dict[str, np.ndarray] = {}
 
-    def residual(z: np.ndarray) -> np.ndarray:
-        now = write(everything, free, z[:n] * scale)
-        r = np.concatenate([np.empty(rows), W @ (z[:n] - neutral / scale), z[n:]])
-        for e in flights:
-            X, at = white.columns[e.name]
-            left = root * e.white(noise, e.y - predicted_residual(e, now)).ravel()
-            r[white.rows[e.name]] = left - X @ z[n + at]
+    def __init__(
+        self, problem: RegressionProblem, terms: list[Term], free: Sequence[Free], noise: NoiseModel
+    ):
+        self._flights = problem.flights
+        self._noise = noise
+        self._terms = terms
+        self._free = free
+        self._root = 1.0 / np.sqrt(problem.temperature)
+        self._white = problem.white_nuisance(noise)
+        self._rows = max((rows.stop for rows in self._white.rows.values()), default=0)
+        self._derivatives: dict[str, np.ndarray] = {}
+        self.prior = prior_whitening(terms, free)
+        self.scale, neutral, lower, upper = (
+            np.array([(f.scale, f.neutral, f.lower, f.upper) for f in free]).reshape(-1, 4).T
+        )
+        self._neutral = neutral / self.scale
+        self._bounds = (lower / self.scale, upper / self.scale)
+
+    def terms_at(self, z: np.ndarray) -> list[Term]:
+        """Return the terms with the parameters of z."""
+        n = len(self._free)
+        return write(self._terms, self._free, z[:n] * self.scale)
+
+    def residual(self, z: np.ndarray) -> np.ndarray:
+        """Return whitened residuals, then the rows of the prior."""
+        n = len(self._free)
+        now = self.terms_at(z)
+        r = np.concatenate([np.empty(self._rows), self.prior @ (z[:n] - self._neutral), z[n:]])
+        for flight in self._flights:
+            X, at = self._white.columns[flight.name]
+            missed = flight.white(self._noise, flight.y - predicted_residual(flight, now)).ravel()
+            r[self._white.rows[flight.name]] = self._root * missed - X @ z[n + at]
         return r
 
-    def normal(z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        now = write(everything, free, z[:n] * scale)
-        H = np.zeros((n + k, n + k))
+    def normal(self, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return J'J and J'r."""
+        n = len(self._free)
+        rows = self._rows
+        W = self.prior
+        now = self.terms_at(z)
+        H = np.zeros((len(z), len(z)))
         g = np.concatenate([W.T @ r[rows : rows + n], r[rows + n :]])
         H[:n, :n] = W.T @ W
-        H[n:, n:] = white.gram
-        for e in flights:
-            X, at = white.columns[e.name]
-            own = r[white.rows[e.name]]
-            J = derivatives[e.name] = root * e.white(noise, scaled_jacobian(now, free, e)).reshape(
-                len(own), n
-            )
+        H[n:, n:] = self._white.gram
+        for flight in self._flights:
+            X, at = self._white.columns[flight.name]
+            missed = r[self._white.rows[flight.name]]
+            jacobian = flight.white(self._noise, scaled_jacobian(now, self._free, flight))
+            J = self._root * jacobian.reshape(len(missed), n)
+            self._derivatives[flight.name] = J
             H[:n, :n] += J.T @ J
             H[:n, n + at] += J.T @ X
-            g[:n] -= J.T @ own
-            g[n + at] -= X.T @ own
+            g[:n] -= J.T @ missed
+            g[n + at] -= X.T @ missed
         H[n:, :n] = H[:n, n:].T
         return H, g
 
-    lower = lower / scale
-    upper = upper / scale
-    start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
-    wide = np.full(k, 20.0)  # bounds of linear coefficients, in deviations of their prior
-    best = minimise(
-        residual,
-        normal,
-        np.concatenate([start, np.zeros(k)]),
-        np.concatenate([lower, -wide]),
-        np.concatenate([upper, wide]),
-        evaluations,
-    )
-    fitted = write(everything, free, best.z[:n] * scale)
-    # Laplace approximation: at the minimum the posterior is Gaussian with covariance (J'J)^-1.
-    covariance = np.linalg.inv(best.information)
-    block = max(1, round(BLOCK / flights[0].grid.step)) * noise.phi.shape[0]
-    scores = []
-    for e in flights:
-        X, at = white.columns[e.name]
-        own = best.residual[white.rows[e.name]]
-        for a in range(0, len(own), block):
-            score = np.zeros(n + k)
-            some = slice(a, a + block)
-            score[:n] = derivatives[e.name][some].T @ own[some]
-            score[n + at] = X[some].T @ own[some]
-            scores.append(score)
-    # Variances grow for residuals that correlate within blocks: sandwich estimator (Huber-White).
-    sandwich = np.sum((np.array(scores) @ covariance) ** 2, axis=0)
-    robust = np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))
-    covariance = covariance * np.sqrt(np.outer(robust, robust))
-    pairs = list(zip(linear, places((c.size for c in linear), n), strict=True))
+    def minimum(self, evaluations: int) -> Minimum:
+        """Return the minimum by bounded Gauss-Newton from the values of the terms."""
+        lower, upper = self._bounds
+        start = np.clip(read(self._terms, self._free) / self.scale, lower + 1e-6, upper - 1e-6)
+        k = len(self._white.gram)
+        wide = np.full(k, 20.0)  # bounds of linear coefficients, in deviations of their prior
+        return minimise(
+            self.residual,
+            self.normal,
+            np.concatenate([start, np.zeros(k)]),
+            np.concatenate([lower, -wide]),
+            np.concatenate([upper, wide]),
+            evaluations,
+        )
+
+    def covariance(self, best: Minimum) -> np.ndarray:
+        """Return the covariance of z at the minimum.
+
+        Source: Laplace approximation; variances grow for residuals that correlate within blocks by
+        the sandwich estimator (Huber-White).
+        """
+        n = len(self._free)
+        covariance = np.linalg.inv(best.information)
+        size = max(1, round(BLOCK / self._flights[0].grid.step)) * self._noise.phi.shape[0]
+        scores = []
+        for flight in self._flights:
+            X, at = self._white.columns[flight.name]
+            missed = best.residual[self._white.rows[flight.name]]
+            for first in range(0, len(missed), size):
+                block = slice(first, first + size)
+                score = np.zeros(len(best.z))
+                score[:n] = self._derivatives[flight.name][block].T @ missed[block]
+                score[n + at] = X[block].T @ missed[block]
+                scores.append(score)
+        sandwich = np.sum((np.array(scores) @ covariance) ** 2, axis=0)
+        robust = np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))
+        return covariance * np.sqrt(np.outer(robust, robust))
+
+
+def refine(
+    problem: RegressionProblem,
+    terms: Sequence[Term],
+    calibration: Sequence[Deviation],
+    noise: NoiseModel,
+    evaluations: int = 8,
+) -> Fit:
+    """Fit terms and calibration to the flights of a problem by bounded Gauss-Newton, starting from
+    the terms' values.
+    """
+    flights = problem.flights
+    everything = [*terms, *(d.term for d in calibration)]
+    known = {len(terms) + i: d for i, d in enumerate(calibration)}
+    free = free_parameters(everything, flights, known, problem.options.priors)
+    n = len(free)
+    model = _WhitenedModel(problem, everything, free, noise)
+    best = model.minimum(evaluations)
+    covariance = model.covariance(best)
+    fitted = model.terms_at(best.z)
+    _, logdet = np.linalg.slogdet(best.information)
+    _, prior = np.linalg.slogdet(model.prior)
+    linear = problem.linear
+    parts = list(zip(linear, places((c.size for c in linear), n), strict=True))
+    drift = {
+        flight.name: sum(c.columns[flight.name] @ best.z[at] for c, at in parts)
+        for flight in flights
+        if parts
+    }
     return Fit(
         tuple(fitted[: len(terms)]),
         tuple(fitted[len(terms) :]),
         tuple(free),
-        best.z[:n] * scale,
-        covariance[:n, :n] * np.outer(scale, scale),
-        float(-best.cost - 0.5 * np.linalg.slogdet(best.information)[1] + np.linalg.slogdet(W)[1]),
-        {e.name: sum(c.columns[e.name] @ best.z[at] for c, at in pairs) for e in flights if pairs},
-        linear=tuple(LinearPart(c.generic, best.z[at], covariance[at, at]) for c, at in pairs),
+        best.z[:n] * model.scale,
+        covariance[:n, :n] * np.outer(model.scale, model.scale),
+        float(-best.cost - 0.5 * logdet + prior),
+        drift,
+        linear=tuple(LinearPart(c.generic, best.z[at], covariance[at, at]) for c, at in parts),
         allowed=tuple(calibration),
     )
 
@@ -522,24 +560,14 @@ def _descend(
 ) -> Fit:
     # An effect takes the place of what the file states of it.
     acting = [t.effect for t in start if not t.onset]
-    fit = refine(
-        start,
-        [
-            d
-            for d in file_deviations(problem.flights[0].vehicle, problem.options.tolerance)
-            if not (d.stated and any(map(d.is_of, acting)))
-        ],
-        problem.flights,
-        noise,
-        temperature=problem.temperature,
-        linear=problem.linear,
-        evaluations=iterations,
-        priors=problem.options.priors,
-        white=problem.white_nuisance(noise),
-    )
-    return dc.replace(
-        fit, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members)
-    )
+    calibration = [
+        d
+        for d in file_deviations(problem.flights[0].vehicle, problem.options.tolerance)
+        if not (d.stated and any(map(d.is_of, acting)))
+    ]
+    fit = refine(problem, start, calibration, noise, iterations)
+    onset_prior = sum(problem.candidates[i].onset_prior for i in model.members)
+    return dc.replace(fit, onset_prior=onset_prior)
 
 
 def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:

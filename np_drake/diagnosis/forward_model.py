@@ -447,25 +447,13 @@ def predicted_residual(
     """
     stages = {} if stages is None else stages
     fixed = [Term(effect) for effect in flight.fixed]
-    residual = _left_by(flight, [*fixed, *terms], stages)
-    return residual - _once(stages, (), _left_by, flight, fixed, stages) if fixed else residual
+    residual = _residual_of(flight, [*fixed, *terms], stages)
+    return residual - _once(stages, (), _residual_of, flight, fixed, stages) if fixed else residual
 
 
-def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: Stages) -> np.ndarray:
+def _residual_of(flight: FlightResiduals, terms: Sequence[Term], stages: Stages) -> np.ndarray:
     """Return the sum (m, 15) of what terms leave against the rotors alone."""
-    log = flight.name
     sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
-    turning = tuple(
-        (t.effect, t.begins(log)) for t in terms if isinstance(t.effect, ActuatorEffect)
-    )
-    pushing = [
-        (t.effect, t.begins(log))
-        for t in terms
-        if isinstance(t.effect, WrenchEffect) and not t.effect.has_hidden_state
-    ]
-    winds = tuple(
-        pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity
-    )
     y = np.zeros_like(flight.y)
     for sensor in sensors:
         y += _once(stages, (sensor,), sensor_residual, flight, sensor)
@@ -473,22 +461,54 @@ def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: Stages) -> 
         return flight.known(y)  # sensor effects alone change no wrench
     sensors = tuple(s for s in sensors if not s.small)
     flight = _once(stages, sensors, without_errors, flight, sensors)
+    turning = tuple(
+        (t.effect, t.begins(flight.name)) for t in terms if isinstance(t.effect, ActuatorEffect)
+    )
     key = (turning, sum(s.clock_shift for s in sensors))
     turned = _once(stages, key, _turned, flight, terms)
+    added = _added_wrench(flight, terms, turned, (key, sensors), stages)
+    needed, share = _by_changed_mass(flight, terms, added, turned.ahead)
+    if flight.log.a is not None:
+        y[:, 11] += share * turned.after + (share - 1.0) * flight.after
+    y[:, WRENCH] += needed * flight.shown
+    return flight.known(y)
+
+
+def _added_wrench(
+    flight: FlightResiduals, terms: Sequence[Term], turned: "Turned", key: tuple, stages: Stages
+) -> np.ndarray:
+    """Return the wrench (m, 6) of rotors, wrench effects and payloads in B, in excess of the
+    nominal one [N, N·m]; key: of rotors and sensors in the cache.
+    """
+    pushing = [
+        (t.effect, t.begins(flight.name))
+        for t in terms
+        if isinstance(t.effect, WrenchEffect) and not t.effect.has_hidden_state
+    ]
     added = turned.wrench
     if pushing:
-        moving = (key, sensors, winds)
+        winds = tuple(
+            pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity
+        )
+        moving = (*key, winds)
         motions = _once(stages, moving, _motions, flight, turned, winds)
         for one in (pair for pair in pushing if pair[0].pushes or pair[0].turns):
             added = added + _once(stages, (moving, one), _wrench, flight, *one, *motions)
     for term in terms:
         if term.effect.has_hidden_state:
-            # The wrench (n, 6) of one suspended payload in B on the grid, the mean over samples
-            # of its state [N, N·m].
-            ways = np.atleast_2d(term.hidden.get(flight.name, np.zeros(0)))
-            swung = [dc.replace(term, hidden={flight.name: way}) for way in ways]
+            # Of one suspended payload, the mean over samples of its state.
+            samples = np.atleast_2d(term.hidden.get(flight.name, np.zeros(0)))
+            swung = [dc.replace(term, hidden={flight.name: sample}) for sample in samples]
             added = added + swing_wrenches(flight, swung).mean(axis=1)
-    # share (m,): of the part of dv/dt - a along the thrust that is not nominal [m/s²].
+    return added
+
+
+def _by_changed_mass(
+    flight: FlightResiduals, terms: Sequence[Term], added: np.ndarray, ahead: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residual wrench (m, 6) with the mass properties of the terms [N, N·m], and the
+    share (m,) of the part of dv/dt - a along the thrust that is not nominal [1].
+    """
     needed = added
     share = np.ones(len(flight.t))
     vehicle = flight.vehicle
@@ -498,12 +518,9 @@ def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: Stages) -> 
             real = effect.properties(real)
         begun = flight.begun(onset)
         share += begun[:, 11] * (vehicle.mass / real.mass - share)
-        moved = needed_wrench(flight, real, added, turned.ahead)
+        moved = needed_wrench(flight, real, added, ahead)
         needed = begun[:, WRENCH] * moved + (1 - begun[:, WRENCH]) * needed
-    if flight.log.a is not None:
-        y[:, 11] += share * turned.after + (share - 1.0) * flight.after
-    y[:, WRENCH] += needed * flight.shown
-    return flight.known(y)
+    return needed, share
 
 
 def gate(t: np.ndarray, onset: float | None) -> np.ndarray:

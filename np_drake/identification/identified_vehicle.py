@@ -9,6 +9,7 @@ import scipy
 
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import SURE, Identified
+from np_drake.identification.rate_loop import AxisLoop
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import MOST_IDLE, Calibration, RateLoop, ThrottleMap
 
@@ -37,81 +38,125 @@ def identified_vehicle(identification: Identification, name: str) -> Vehicle:
     """
     basis = identification.basis
     prior = identification.prior
-    count = len(identification.models)
     if basis.ratios:
         raise ValueError(
             "identify: a vehicle file needs the mass, for flights tell thrust and inertia "
             "over it. Give --mass KG."
         )
-    fields: dict[str, list[Identified]] = {}
-    for quantity in identification.quantities:
-        fields.setdefault(quantity.quantity.field, []).append(quantity)
-    fields.pop("", None)
-    named = f"identified from {count} flight{'s' if count > 1 else ''}"
-    values: dict[str, Any] = {}
-    intervals = dict[str, list[list[float]]]()
-    sources = dict[str, str]()
-    for field, quantities in fields.items():
-        values[field], intervals[field] = _numbers(field, quantities, prior)
-        sources[field] = _source(quantities, named)
-    if basis.mass is not None:
-        sources["mass"] = "given"
-    sources |= dict.fromkeys(
-        ("gravity", "rotor_positions", "rotor_directions", "rotor_radius"), f"given: {prior.name}"
-    )
-    if (body := _possible(np.array(values.get("inertia", prior.inertia)))) is not None:
-        values["inertia"] = body.tolist()
-        sources["inertia"] += "; zz lowered to the largest that a body can have"
-    if "torque_coefficient" in values:  # told over thrust
-        scale = values.get("thrust_coefficient", prior.thrust_coefficient)
-        intervals["torque_coefficient"] = [
-            [_rounded(scale * end) for end in intervals["torque_coefficient"][0]]
-        ]
-        values["torque_coefficient"] = _rounded(scale * values["torque_coefficient"])
-    throttle = None
-    full = values.get("throttle.full_thrust")
-    if full is not None:
-        power = float(np.clip(values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0))
-        linear = float(np.clip(values.get("throttle.linear", 0.0), -0.5, 1.5))
-        idle = float(np.clip(values.get("throttle.idle", 0.0), 0.0, MOST_IDLE))
-        throttle = ThrottleMap(full, linear, idle, basis.frame.volts or None, power)
-        intervals["max_rotor_thrust"] = intervals["throttle.full_thrust"]
-        sources["max_rotor_thrust"] = sources["throttle.full_thrust"]
-    # Thrust is told over the mass: an error of a given mass is one of thrust by the same share, and
-    # cancels in flight.
-    for field, of in (("mass", "mass"), ("thrust", SCALE_OF.get(basis.drive))):
-        if of in intervals:
-            low, high = intervals[of][0]
-            values[f"{field}_uncertainty"] = min(_rounded(np.log(high / low) / (2 * SURE)), VAGUE)
-            sources[f"{field}_uncertainty"] = sources[of]
-    own_fields = {f.partition(".")[2]: v for f, v in values.items() if f.startswith("calibration.")}
-    if "rotor_gains" in own_fields:
-        gains = own_fields["rotor_gains"]
-        own_fields["rotor_gains"] = [_rounded(gain / float(np.mean(gains))) for gain in gains]
-    if "command_delay" in own_fields:
-        own_fields["command_delay"] = max(own_fields["command_delay"], 0.0)
-    loop = None
-    axes = identification.rate_loop
-    if axes:
-        lags, gains = ([_rounded(getattr(axis, of)) for axis in axes] for of in ("lag", "gain"))
-        most = np.maximum([axis.max_rate for axis in axes], RateLoop().max_rate)
-        loop = RateLoop(lags, gains, [_rounded(float(rate)) for rate in most])
-        for of in ("lag", "gain"):
-            within = (getattr(axis, f"{of}_interval") for axis in axes)
-            intervals[f"rate_loop.{of}"] = [[_rounded(low), _rounded(high)] for low, high in within]
-            sources[f"rate_loop.{of}"] = named
+    fields = _Fields.of(identification)
+    fields.make_inertia_possible(prior)
+    fields.scale_torque(prior)
+    throttle = fields.throttle(basis.frame.volts or None)
+    fields.add_uncertainties(basis.drive)
+    loop = fields.rate_loop(identification.rate_loop)
+    calibration = fields.calibration()
+    plain = {f: v for f, v in fields.values.items() if "." not in f and f != "mass"}
     return dc.replace(
         prior,
         name=name,
         mass=basis.mass_of(identification.estimate.layout.values(identification.estimate.z)),
-        max_rotor_thrust=prior.max_rotor_thrust if full is None else full,
+        max_rotor_thrust=throttle.full_thrust if throttle else prior.max_rotor_thrust,
         throttle=throttle,
-        calibration=Calibration(**own_fields),
+        calibration=calibration,
         rate_loop=loop,
-        sources=sources,
-        intervals=intervals,
-        **{f: v for f, v in values.items() if "." not in f and f != "mass"},
+        sources=fields.sources,
+        intervals=fields.intervals,
+        **plain,
     ).check()
+
+
+@dc.dataclass(frozen=True)
+class _Fields:
+    """Fields of a vehicle file by name: values, 95 % intervals and sources.
+
+    flights: source of what flights tell.
+    """
+
+    flights: str
+    values: dict[str, Any] = dc.field(default_factory=dict)
+    intervals: dict[str, list[list[float]]] = dc.field(default_factory=dict)
+    sources: dict[str, str] = dc.field(default_factory=dict)
+
+    @classmethod
+    def of(cls, identification: Identification) -> "_Fields":
+        """Return the fields that the quantities of an identification have."""
+        prior = identification.prior
+        count = len(identification.models)
+        fields = cls(f"identified from {count} flight{'s' if count > 1 else ''}")
+        by_field: dict[str, list[Identified]] = {}
+        for q in identification.quantities:
+            by_field.setdefault(q.quantity.field, []).append(q)
+        by_field.pop("", None)
+        for field, quantities in by_field.items():
+            fields.values[field], fields.intervals[field] = _numbers(field, quantities, prior)
+            fields.sources[field] = _source(quantities, fields.flights)
+        if identification.basis.mass is not None:
+            fields.sources["mass"] = "given"
+        given = ("gravity", "rotor_positions", "rotor_directions", "rotor_radius")
+        fields.sources.update(dict.fromkeys(given, f"given: {prior.name}"))
+        return fields
+
+    def make_inertia_possible(self, prior: Vehicle) -> None:
+        """Lower zz of the inertia to that of a body."""
+        body = _possible(np.array(self.values.get("inertia", prior.inertia)))
+        if body is not None:
+            self.values["inertia"] = body.tolist()
+            self.sources["inertia"] += "; zz lowered to the largest that a body can have"
+
+    def scale_torque(self, prior: Vehicle) -> None:
+        """Turn the torque, which flights tell over thrust, into its coefficient."""
+        field = "torque_coefficient"
+        if field in self.values:
+            scale = self.values.get("thrust_coefficient", prior.thrust_coefficient)
+            self.intervals[field] = [[_rounded(scale * end) for end in self.intervals[field][0]]]
+            self.values[field] = _rounded(scale * self.values[field])
+
+    def add_uncertainties(self, drive: str) -> None:
+        """State the uncertainty of mass and thrust [1].
+
+        Thrust is told over the mass: an error of a given mass is one of thrust by the same share,
+        and cancels in flight.
+        """
+        for name, field in (("mass", "mass"), ("thrust", SCALE_OF.get(drive, ""))):
+            if field in self.intervals:
+                low, high = self.intervals[field][0]
+                sigma = _rounded(np.log(high / low) / (2 * SURE))
+                self.values[f"{name}_uncertainty"] = min(sigma, VAGUE)
+                self.sources[f"{name}_uncertainty"] = self.sources[field]
+
+    def throttle(self, volts: float | None) -> ThrottleMap | None:
+        """Return the map of the throttle at a reference voltage [V]; None where none is told."""
+        full = self.values.get("throttle.full_thrust")
+        if full is None:
+            return None
+        power = float(np.clip(self.values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0))
+        linear = float(np.clip(self.values.get("throttle.linear", 0.0), -0.5, 1.5))
+        idle = float(np.clip(self.values.get("throttle.idle", 0.0), 0.0, MOST_IDLE))
+        self.intervals["max_rotor_thrust"] = self.intervals["throttle.full_thrust"]
+        self.sources["max_rotor_thrust"] = self.sources["throttle.full_thrust"]
+        return ThrottleMap(full, linear, idle, volts, power)
+
+    def calibration(self) -> Calibration:
+        """Return the calibration: rotor gains about a mean of 1, and no negative delay."""
+        prefix = "calibration."
+        fields = {f.removeprefix(prefix): v for f, v in self.values.items() if f.startswith(prefix)}
+        if gains := fields.get("rotor_gains"):
+            fields["rotor_gains"] = [_rounded(gain / float(np.mean(gains))) for gain in gains]
+        if "command_delay" in fields:
+            fields["command_delay"] = max(fields["command_delay"], 0.0)
+        return Calibration(**fields)
+
+    def rate_loop(self, axes: Sequence[AxisLoop]) -> RateLoop | None:
+        """Return the rate loop of an autopilot; None where flights show none."""
+        if not axes:
+            return None
+        lags, gains = ([_rounded(getattr(axis, of)) for axis in axes] for of in ("lag", "gain"))
+        most = np.maximum([axis.max_rate for axis in axes], RateLoop().max_rate)
+        for of in ("lag", "gain"):
+            ends = (getattr(axis, f"{of}_interval") for axis in axes)
+            self.intervals[f"rate_loop.{of}"] = [[_rounded(a), _rounded(b)] for a, b in ends]
+            self.sources[f"rate_loop.{of}"] = self.flights
+        return RateLoop(lags, gains, [_rounded(float(rate)) for rate in most])
 
 
 def _numbers(

@@ -129,57 +129,72 @@ def identify(
         hold.
     """
     drive = common_drive(flights, drive)
-    seen = []
-    kept = []
-    long = [log for log in flights if lasts(log) >= SHORTEST]
-    short = (log.name for log in flights if lasts(log) < SHORTEST)
-    notes = [f"{name}: shorter than {SHORTEST:g} s; left out" for name in short]
-    if not long:
-        most = max(map(lasts, flights), default=0.0)
-        raise ValueError(
-            f"identify: needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s."
-        )
-    for log in long:
-        flight = signals(log, prior.unmixer, drive).part(0.0, stop)
-        if reason := unfit(flight, stop):
-            notes.append(f"{log.name}: {reason}; left out")
-        else:
-            seen.append(flight)
-            kept.append(log)
-    if not seen:
-        raise ValueError(
-            f"identify: no flight tells anything of the vehicle. {'; '.join(notes)}. {REMEDY}"
-        )
-    if any(flight.command is None for flight in seen):
-        seen = [dc.replace(flight, command=None) for flight in seen]
-    frame = _frame(seen, prior, drive)
-    parts = _parts(seen, drive)
-    mass_from_thrust = trusted and mass is None
-    measured = drive == "rotor_speed"
-    coefficient = prior.thrust_coefficient if mass_from_thrust and measured else None
-    newtons = mass_from_thrust and drive == "command"
-    known = parts | ({"trusted"} if coefficient is not None or newtons else {"mass"})
+    usable, notes = _usable(flights, prior, drive, stop)
+    logs = [log for log, _ in usable]
+    parts = _parts([flight for _, flight in usable], drive)
+    frame = _frame([flight for _, flight in usable], prior, drive)
+    basis = _basis(frame, prior, drive, mass, trusted=trusted)
+    known = parts | ({"mass"} if basis.coefficient is None and not basis.newtons else {"trusted"})
     known |= {"full"} if frame.throttle < FULL else set()
-    spin = frame.unit
-    if not measured:
-        spin = float(np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient))
-    step = max(float(np.median(np.diff(log.t))) for log in kept)
-    layout = Layout.of(parameters(spin, step), parts, len(seen))
-    models = tuple(FlightModel(flight, frame) for flight in seen)
-    basis = Basis(frame, drive, mass, coefficient, spin, newtons)
-    loops = identify_rate_loop(kept) or ()
-    if not loops and all(log.commanded_rates is not None for log in kept):
+    step = max(log.step for log in logs)
+    layout = Layout.of(parameters(basis.spin, step), parts, len(logs))
+    models = tuple(FlightModel(flight, frame) for _, flight in usable)
+    loops = identify_rate_loop(logs) or ()
+    if not loops and all(log.commanded_rates is not None for log in logs):
         notes.append(
             "rate loop: no body rate follows its command as a loop would, or flights are "
             "short; none is told"
         )
     fitted = estimate(models, layout)
-    rotors = tuple(
-        rotor_names(prior.rotor_positions, [log.motors for log in kept if log.layout is None])
-    )
+    motors = [log.motors for log in logs if log.layout is None]
+    rotors = tuple(rotor_names(prior.rotor_positions, motors))
     return Identification(
         basis, fitted, frozenset(known), models, prior, tuple(notes), loops, rotors
     )
+
+
+def _usable(
+    logs: Sequence[FlightLog], prior: Vehicle, drive: str, stop: float
+) -> tuple[list[tuple[FlightLog, Signals]], list[str]]:
+    """Return the logs that tell something of the vehicle with their signals, and a line on each
+    that is left out.
+
+    Raises: ValueError: where none does.
+    """
+    long = [log for log in logs if lasts(log) >= SHORTEST]
+    short = (log.name for log in logs if lasts(log) < SHORTEST)
+    notes = [f"{name}: shorter than {SHORTEST:g} s; left out" for name in short]
+    if not long:
+        most = max(map(lasts, logs), default=0.0)
+        raise ValueError(
+            f"identify: needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s."
+        )
+    usable = []
+    for log in long:
+        flight = signals(log, prior.unmixer, drive).part(0.0, stop)
+        if reason := unfit(flight, stop):
+            notes.append(f"{log.name}: {reason}; left out")
+        else:
+            usable.append((log, flight))
+    if not usable:
+        raise ValueError(
+            f"identify: no flight tells anything of the vehicle. {'; '.join(notes)}. {REMEDY}"
+        )
+    if any(flight.command is None for _, flight in usable):
+        usable = [(log, dc.replace(flight, command=None)) for log, flight in usable]
+    return usable, notes
+
+
+def _basis(frame: Frame, prior: Vehicle, drive: str, mass: float | None, *, trusted: bool) -> Basis:
+    """Return what turns quantities over mass into those of the vehicle."""
+    mass_from_thrust = trusted and mass is None
+    measured = drive == "rotor_speed"
+    coefficient = prior.thrust_coefficient if mass_from_thrust and measured else None
+    spin = frame.unit
+    if not measured:
+        spin = float(np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient))
+    newtons = mass_from_thrust and drive == "command"
+    return Basis(frame, drive, mass, coefficient, spin, newtons)
 
 
 def trades(identification: Identification) -> list[tuple[list[str], list[str]]]:

@@ -8,6 +8,7 @@ Source: prequential analysis (Dawid 1984); multivariate t density.
 
 import dataclasses as dc
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -185,54 +186,91 @@ def predictive_evidence(ranking: Ranking, held_out: HeldOut) -> list[PredictiveG
     fit = ranking.best
     flights = ranking.problem.flights
     tolerance = ranking.options.tolerance
-    vehicle = vehicle_columns(flights, tolerance, ranking.options.priors)
-    all_flights = [*flights, *held_out.flights]
-    columns = {e.name: ([of(e) for of in vehicle], errors_of(e, tolerance)) for e in all_flights}
-
-    def linear_without(gone: set[int]) -> dict[str, Blocks]:
-        """Return all flights, linear about the fit without some terms."""
-        blocks = {}
-        shared = [f for f in fit.free if not f.flight and f.term not in gone]
-        for e in all_flights:
-            now = list(held_out.whole_flight_terms.get(e.name, fit.everything))
-            swings = [f for f in _swings(fit, e, now) if f.term not in gone]
-            for k in gone:
-                now[k] = dc.replace(now[k], onset={e.name: NEVER})
-            blocks[e.name] = _blocks(e, now, shared, swings, ranking.noise, *columns[e.name])
-        return blocks
-
-    def scores(blocks: dict[str, Blocks]) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return log scores [nat]: of all training flights in turn, of each block from the other
-        flights, of held-out.
-        """
-        known = [blocks[e.name].of_others() for e in flights]
-        turns = sum(float(blocks[e.name].scores(known[:i]).sum()) for i, e in enumerate(flights))
-        others = [
-            blocks[e.name].scores([*known[:i], *known[i + 1 :]])
-            for i, e in enumerate(flights)
-            if not e.earlier
-        ]
-        judged = [np.zeros(0), *(blocks[e.name].scores(known) for e in held_out.flights)]
-        return turns, np.concatenate(others), np.concatenate(judged)
-
-    with_all = linear_without(set())
-    best = scores(with_all)
-    evidence = []
-    names = tuple(e.name for e in flights if not e.earlier for _ in with_all[e.name].values)
+    linear = _LinearFlights(ranking, held_out)
+    with_all = linear.without(set())
+    best = linear.scores(with_all)
+    names = tuple(
+        flight.name
+        for flight in flights
+        if not flight.earlier
+        for _ in with_all[flight.name].values
+    )
     deviations = (*of_vehicle(flights[0], tolerance), *of_flight(flights[0], tolerance))
-    calibrated = {d.effect.identifier for d in deviations} | {
-        t.effect.identifier for t in fit.calibration
-    }
+    calibrated = {d.effect.identifier for d in deviations}
+    calibrated |= {term.effect.identifier for term in fit.calibration}
+    evidence = []
     for i, term in enumerate(fit.terms):
         gone = with_dependants(fit.terms, i)
-        # A wind is in the derivatives of the drag through which it acts.
-        without = {name: b.without(gone) for name, b in with_all.items()}
-        rest = scores(linear_without(gone) if term.effect.needs else without)
-        gains = best[1] - rest[1]
-        total = best[0] - rest[0] if term.effect.identifier in calibrated else float(gains.sum())
+        if term.effect.needs:  # a wind is in the derivatives of the drag through which it acts
+            without = linear.without(gone)
+        else:
+            without = {name: blocks.without(gone) for name, blocks in with_all.items()}
+        rest = linear.scores(without)
+        gains = best.others - rest.others
+        total = float(gains.sum())
+        if term.effect.identifier in calibrated:
+            total = best.in_turn - rest.in_turn
         total += fit.onset_prior_of(i)  # an onset is of the flight itself that it predicts
-        evidence.append(PredictiveGain(total, gains, names, best[2] - rest[2]))
+        evidence.append(PredictiveGain(total, gains, names, best.held_out - rest.held_out))
     return evidence
+
+
+class Scores(NamedTuple):
+    """Log scores [nat]: in_turn: of training flights, each predicted from those before it.
+
+    others: (n,) of the blocks of training flights, from the other flights. held_out: (m,) of the
+    blocks of held-out flights.
+    """
+
+    in_turn: float
+    others: np.ndarray
+    held_out: np.ndarray
+
+
+class _LinearFlights:
+    """All flights, linear about the best fit with some of its terms."""
+
+    def __init__(self, ranking: Ranking, held_out: HeldOut):
+        self._fit = ranking.best
+        self._noise = ranking.noise
+        self._flights = ranking.problem.flights
+        self._held_out = held_out
+        tolerance = ranking.options.tolerance
+        vehicle = vehicle_columns(self._flights, tolerance, ranking.options.priors)
+        self._columns = {
+            flight.name: ([of(flight) for of in vehicle], errors_of(flight, tolerance))
+            for flight in (*self._flights, *held_out.flights)
+        }
+
+    def without(self, gone: set[int]) -> dict[str, Blocks]:
+        """Return the blocks by flight, linear about the fit without some terms."""
+        fit = self._fit
+        blocks = {}
+        shared = [f for f in fit.free if not f.flight and f.term not in gone]
+        for flight in (*self._flights, *self._held_out.flights):
+            now = list(self._held_out.whole_flight_terms.get(flight.name, fit.everything))
+            swings = [f for f in _swings(fit, flight, now) if f.term not in gone]
+            for k in gone:
+                now[k] = dc.replace(now[k], onset={flight.name: NEVER})
+            vehicle, errors = self._columns[flight.name]
+            model = _Linearised(flight, now, [*shared, *swings], len(shared))
+            blocks[flight.name] = _blocks(model, self._noise, vehicle, errors)
+        return blocks
+
+    def scores(self, blocks: dict[str, Blocks]) -> Scores:
+        """Return the log scores of blocks by flight."""
+        flights = self._flights
+        known = [blocks[flight.name].of_others() for flight in flights]
+        in_turn = sum(
+            float(blocks[flight.name].scores(known[:i]).sum()) for i, flight in enumerate(flights)
+        )
+        others = [
+            blocks[flight.name].scores([*known[:i], *known[i + 1 :]])
+            for i, flight in enumerate(flights)
+            if not flight.earlier
+        ]
+        judging = [blocks[flight.name].scores(known) for flight in self._held_out.flights]
+        return Scores(in_turn, np.concatenate(others), np.concatenate([np.zeros(0), *judging]))
 
 
 def _swings(fit: Fit, e: FlightResiduals, now: Sequence[Term]) -> list[Free]:
@@ -250,50 +288,57 @@ def _swings(fit: Fit, e: FlightResiduals, now: Sequence[Term]) -> list[Free]:
     ]
 
 
+class _Linearised(NamedTuple):
+    """Terms on a flight, and their free parameters: those that all flights share come first."""
+
+    flight: FlightResiduals
+    terms: Sequence[Term]
+    free: Sequence[Free]
+    shared: int
+
+
 def _blocks(
-    e: FlightResiduals,
-    now: Sequence[Term],
-    shared: Sequence[Free],
-    of_flight: Sequence[Free],
-    noise: NoiseModel,
-    vehicle: Sequence[np.ndarray],
-    errors: np.ndarray,
+    model: _Linearised, noise: NoiseModel, vehicle: Sequence[np.ndarray], errors: np.ndarray
 ) -> Blocks:
-    """Return the blocks of a flight, linear about the terms; parameters `shared` by all flights,
-    and its own.
+    """Return the blocks of a flight, linear about the terms.
+
+    Args:
+        vehicle: groups of columns (m, 15, k) that all flights share.
+        errors: (m, 15, k) columns of this flight.
     """
-    free = [*shared, *of_flight]
-    n = len(shared)
+    flight, terms, free, n = model
     scale, neutral = (np.array([getattr(f, name) for f in free]) for name in ("scale", "neutral"))
-    away = (read(now, free) - neutral) / scale
-    J = _through_neutral(scaled_jacobian(now, free, e), free, away, now, e)
-    target = e.uncalibrated - predicted_residual(e, now) + J @ away
-    root = np.linalg.inv(prior_whitening(now, shared))
+    away = (read(terms, free) - neutral) / scale
+    J = _through_neutral(scaled_jacobian(terms, free, flight), model, away)
+    target = flight.uncalibrated - predicted_residual(flight, terms) + J @ away
+    root = np.linalg.inv(prior_whitening(terms, free[:n]))
     parts = [J[..., :n] @ root, *vehicle, J[..., n:], errors, target[..., None]]
-    white = e.white(noise, np.concatenate(parts, axis=-1))[:, noise.active]
-    count = max(1, round(len(white) * e.grid.step / LENGTH))
+    white = flight.white(noise, np.concatenate(parts, axis=-1))[:, noise.active]
+    count = max(1, round(len(white) * flight.grid.step / LENGTH))
     rows = [part.reshape(-1, part.shape[-1]) for part in np.array_split(white, count) if len(part)]
     none = [-1] * sum(X.shape[-1] for X in vehicle)
-    owners = [f.term for f in shared] + none + [f.term for f in of_flight] + [-1] * errors.shape[-1]
+    owners = [f.term for f in free]
+    owners = [*owners[:n], *none, *owners[n:], *[-1] * errors.shape[-1]]
     grams = [part.T @ part for part in rows]
     values = [len(part) for part in rows]
     return Blocks(grams, values, np.array(owners, int), n + len(none))
 
 
-def _through_neutral(
-    J: np.ndarray, free: Sequence[Free], away: np.ndarray, now: Sequence[Term], e: FlightResiduals
-) -> np.ndarray:
+def _through_neutral(J: np.ndarray, model: _Linearised, away: np.ndarray) -> np.ndarray:
     """Return the derivatives (m, 15, k), changed so that they lead from each term to its absence.
 
     A term that is far from neutral is not linear in its parameters: its derivative there would
     predict something of its absence. Source: secant update of rank one (Broyden).
     """
+    flight, terms, free, _ = model
     J = J.copy()
-    predicted = predicted_residual(e, now)
-    for i in {f.term for f in free}:
-        distance = np.where(np.array([f.term == i for f in free]), away, 0.0)
+    predicted = predicted_residual(flight, terms)
+    of_term = np.array([f.term for f in free])
+    for i in set(of_term.tolist()):
+        distance = np.where(of_term == i, away, 0.0)
         if distance.any():
-            given = predicted - predicted_residual(e, [t for k, t in enumerate(now) if k != i])
+            rest = predicted_residual(flight, [t for k, t in enumerate(terms) if k != i])
+            given = predicted - rest
             J += (given - J @ distance)[..., None] * (distance / (distance @ distance))
     return J
 

@@ -489,50 +489,38 @@ def measure_remainder(
 
     indications: of structure that no effect explains, whose power the noise model holds.
     """
-    flights = held_out.flights
-    named = {c.identifier for c in causes}
-    before = {e.name: e.against_file for e in flights}
-    after = held_out.remaining_residuals(named)
-    # Of gusts the slow force is explained, though no simulator foresees it.
-    for e in flights if GustyWind.identifier in named else ():
-        after[e.name][:, FORCE] -= low_pass(after[e.name][:, FORCE], e.grid.step, BRIEF)
+    first = held_out.flights[0]
+    vehicle = first.vehicle
+    residuals = _before_and_after(causes, held_out)
     rng = np.random.default_rng(SEED)
     power = noise.rms[WRENCH] ** 2
     scale = np.maximum(noise.rms[WRENCH], 1e-12) ** -2.0 * noise.active[WRENCH] / 6
-    likely = np.array([i.probability for i in indications])
-    there = rng.uniform(size=(DRAWS, len(indications))) < likely
-    # What the noise holds is no larger than the noise, however large a part is that others cancel.
-    uncapped = np.reshape([i.power for i in indications], (-1, 6))
-    powers = np.minimum(uncapped, power)
-    materiality = options.materiality
-    vehicle = flights[0].vehicle
+    structure = _drawn_structure(indications, power, scale, rng)
     drift = np.zeros(6)
-    drift[:2] = (options.tolerance.attitude * flights[0].weight) ** 2
+    drift[:2] = (options.tolerance.attitude * first.weight) ** 2
     squares = [
-        np.stack([y[name][rows, WRENCH] ** 2 for y in (before, after)], axis=1)
+        np.stack([y[name][rows, WRENCH] ** 2 for y in residuals], axis=1)
         for name, rows in held_out.rows.items()
     ]
-    excess = _drawn_means(squares, round(BLOCK / flights[0].grid.step), rng) - power - drift
+    excess = _drawn_means(squares, round(BLOCK / first.grid.step), rng) - power - drift
 
     # Draws before and after, of sizes with that of the mean behind them: power over noise [1],
     # force [N], torque [N·m].
-    structure = np.minimum(there @ (powers @ scale), power @ scale)
-    gap, remaining = (np.maximum(excess @ scale, 0.0) + structure[:, None]).T
-    beyond = np.maximum(_with_mean(excess), 0.0) + _with_mean(there @ powers)[:, None]
+    there = structure.there
+    hidden = np.minimum(there @ (structure.powers @ scale), power @ scale)
+    gap, remaining = (np.maximum(excess @ scale, 0.0) + hidden[:, None]).T
+    beyond = np.maximum(_with_mean(excess), 0.0) + _with_mean(there @ structure.powers)[:, None]
     force, torque = (np.sqrt(beyond[..., part].sum(axis=-1)) for part in (FORCE, TORQUE))
 
     # Position error [m], beyond that of noise, of slow errors of the attitude, and with structure.
-    starts, by_noise = _position_errors(held_out, (before, after), noise)
+    starts, by_noise = _position_errors(held_out, residuals, noise)
     tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / vehicle.mass) ** 2
-    held_share = powers @ scale / np.maximum(uncapped @ scale, 1e-300)
-    hidden = there @ (held_share * [i.position for i in indications])
-    hidden = _with_mean(np.minimum(hidden, np.mean(by_noise)))[:, None]
+    hidden = _with_mean(np.minimum(there @ structure.squares, np.mean(by_noise)))[:, None]
     moved = _with_mean(_drawn_means(starts, round(BLOCK / STARTS), rng))
     position = np.sqrt(np.maximum(moved - tilted, 0.0) + hidden)
     alone = float(np.sqrt(np.quantile(by_noise, ALONE)))
     tells = alone < vehicle.gravity * HORIZON**2 / 12  # of a constant torque, a radian [m]
 
-    least = materiality.remaining_force * flights[0].weight
     remainder = Remainder(
         force=float(force[-1, 1]),
         torque=float(torque[-1, 1]),
@@ -540,11 +528,13 @@ def measure_remainder(
         position_before=float(position[-1, 0]),
         noise=alone,
     )
+    materiality = options.materiality
+    least = materiality.remaining_force * first.weight
     large_before = force[-1, 0] >= least or remainder.position_before >= materiality.position
     if not (np.quantile(gap, SURE_GAP) > 0 and large_before):
         return remainder
-    shares = np.maximum(remaining / np.maximum(gap, 1e-12), NEVER_LESS)
     large = (force[:-1, 1] > least) | (position[:-1, 1] > materiality.position)
+    shares = np.maximum(remaining / np.maximum(gap, 1e-12), NEVER_LESS)
     material = (shares > TOO_MUCH) | (large & (shares > NOTHING))
     low, high = np.quantile(shares, [0.025, 0.975])
     return dc.replace(
@@ -553,6 +543,49 @@ def measure_remainder(
         ci95=(float(low), float(high)),
         probability=float(np.mean(material)),
     )
+
+
+def _before_and_after(
+    causes: Sequence[Cause], held_out: HeldOut
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return by flight the residuals (m, 15) against the file, and with the causes."""
+    named = {c.identifier for c in causes}
+    before = {flight.name: flight.against_file for flight in held_out.flights}
+    after = held_out.remaining_residuals(named)
+    # Of gusts the slow force is explained, though no simulator foresees it.
+    for flight in held_out.flights if GustyWind.identifier in named else ():
+        force = after[flight.name][:, FORCE]
+        after[flight.name][:, FORCE] = force - low_pass(force, flight.grid.step, BRIEF)
+    return before, after
+
+
+class _Structure(NamedTuple):
+    """Draws of the structure that no effect explains, as far as the noise holds it.
+
+    there: (n, k) whether each is. powers: (k, 6) in the channels of the wrench [N², (N·m)²].
+    squares: (k,) of the position error [m²].
+    """
+
+    there: np.ndarray
+    powers: np.ndarray
+    squares: np.ndarray
+
+
+def _drawn_structure(
+    indications: Sequence[Indication],
+    power: np.ndarray,
+    scale: np.ndarray,
+    rng: np.random.Generator,
+) -> _Structure:
+    """Return draws of structure: what the noise of a `power` (6,) holds is no larger than that,
+    however large a part is that others cancel; scale: (6,) of one over noise.
+    """
+    probability = np.array([i.probability for i in indications])
+    there = rng.uniform(size=(DRAWS, len(indications))) < probability
+    uncapped = np.reshape([i.power for i in indications], (-1, 6))
+    powers = np.minimum(uncapped, power)
+    share = powers @ scale / np.maximum(uncapped @ scale, 1e-300)
+    return _Structure(there, powers, share * [i.position for i in indications])
 
 
 def _with_mean(draws: np.ndarray) -> np.ndarray:

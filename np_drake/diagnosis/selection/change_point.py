@@ -6,7 +6,8 @@ Onsets are scanned by suffix sums of Gram matrices.
 import copy
 import dataclasses as dc
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -396,19 +397,64 @@ def _in_steps(
     return sizes, scan.changes(weight, sizes)
 
 
-def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
-    """Return payloads whose mass changes in flight, as the steps of a weight show it.
+class _Load(NamedTuple):
+    """A payload of 1 kg whose mass changes in flight.
+
+    onset: by flight, when it is hung on [s]. ratios: of its mass after each change [1]. changes: by
+    flight, the times of these [s]. begun: number of onsets and changes.
+    """
+
+    onset: Onset
+    ratios: tuple[float, ...]
+    changes: Times
+    begun: int
+
+
+def _loads(sizes: Sequence[float], changes: Times, earlier: Sequence[str]) -> Iterator[_Load]:
+    """Yield the loads that steps of a weight may be.
 
     The lightest load is none, or the two lightest are, or no one is: where thrust is not known,
-    steps of a weight tell no more. One that is hung on and stays is of `late_payloads`.
+    steps of a weight tell no more.
+
+    Args:
+        sizes: of the weight, in turn [kg].
+        changes: by flight, when it changes to the next [s].
+        earlier: flights from before what is asked, which lack it.
+    """
+    order = np.argsort(sizes)
+    for none in (order[:1], order[:2], order[:0]):
+        loads = np.array(sizes) - min(sizes) + (not len(none))
+        loads[none] = 0.0
+        kept = np.flatnonzero(np.diff(loads)).tolist()
+        late = int(loads[0] == 0.0)
+        if len(kept) <= late:  # nothing changes after the begin
+            continue
+        times = {name: tuple(all_times[k] for k in kept) for name, all_times in changes.items()}
+        onset: Onset = {name: min(of_flight) for name, of_flight in times.items() if late}
+        onset |= dict.fromkeys(earlier, NEVER)
+        later = {name: of_flight[late:] for name, of_flight in times.items()}
+        base, *rest = [loads[0], *loads[1:][kept]][late:]
+        ratios = tuple(float(load / base) for load in rest)
+        begun = sum(t != NEVER for of_flight in times.values() for t in of_flight)
+        yield _Load(onset, ratios, later, begun)
+
+
+def changing_payloads(
+    problem: RegressionProblem, lengths: np.ndarray | None = None
+) -> list[Candidate]:
+    """Return payloads whose mass changes in flight, as the steps of a weight show it; one that is
+    hung on and stays is of `late_payloads`.
 
     Steps that no model has yet are in the slow noise, which would hide them: white noise does not.
+
+    Args:
+        lengths: of tethers (n,) [m]; default: `search_lengths`.
     """
     flights = problem.flights
     options = problem.options
     problem = problem.extended([], scale_only([problem.noise.rms[None]], problem.noise.step))
     plain = [c for c in problem.candidates if not c.onset]
-    weights = [c for own in ((PAYLOAD,), WEIGHTS[0]) for c in plain if c.identifiers == own]
+    weights = [c for names in ((PAYLOAD,), WEIGHTS[0]) for c in plain if c.identifiers == names]
     if PAYLOAD in hidden_from(flights) or not weights:
         return []
     acting = [
@@ -423,36 +469,26 @@ def changing_payloads(problem: RegressionProblem) -> list[Candidate]:
     if len(sizes) > 1 + MOST_CHANGES:
         return []
     others = [c for c in plain if c.size <= 3 and PAYLOAD not in c.identifiers]
-    found = list[Candidate]()
-    order = np.argsort(sizes)
-    for none in (order[:1], order[:2], order[:0]):
-        loads = np.array(sizes) - min(sizes) + (not len(none))
-        loads[none] = 0.0
-        kept = np.flatnonzero(np.diff(loads)).tolist()
-        times = {n: tuple(every[k] for k in kept) for n, every in changes.items()}
-        late = int(loads[0] == 0.0)
-        if len(kept) <= late:  # nothing changes after the begin
-            continue
-        onset: Onset = {n: min(own) for n, own in times.items() if late}
-        onset |= {e.name: NEVER for e in flights if e.earlier}
-        later = {n: own[late:] for n, own in times.items()}
-        base, *rest = [loads[0], *loads[1:][kept]][late:]
-        ratios = tuple(float(load / base) for load in rest)
-        search = PayloadSearch(flights, options, onset, loads=ratios, changes=later)
+    cost = options.priors.onset - math.log(max(len(flight.t) for flight in flights))
+    candidates = []
+    for load in _loads(sizes, changes, [flight.name for flight in flights if flight.earlier]):
+        search = PayloadSearch(
+            flights, options, load.onset, lengths, loads=load.ratios, changes=load.changes
+        )
         followed = search.followed(problem.noise, problem.nuisance, others)
         if followed:
             guess, candidate = followed[0]
             onset = search.when(problem.noise, problem.nuisance, guess)
             guess = dc.replace(guess, onset=onset)
             sharp = payload_about(flights, guess, options.priors).candidate(flights)
-            begun = sum(t != NEVER for own in times.values() for t in own)
-            prior = begun * (options.priors.onset - math.log(max(len(e.t) for e in flights)))
-
-            found.append(dc.replace(sharp, log_prior=candidate.log_prior, onset_prior=prior))
-    return found
+            prior = load.begun * cost
+            candidates.append(dc.replace(sharp, log_prior=candidate.log_prior, onset_prior=prior))
+    return candidates
 
 
-def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
+def late_payloads(
+    scan: OnsetScan, late: list[Candidate], lengths: np.ndarray | None = None
+) -> list[Candidate]:
     """Return payloads that begin where a weight does, as a payload at rest, a mass or a thrust
     shows it beside nuisance alone.
 
@@ -483,12 +519,14 @@ def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
     others = [
         c for c in (*problem.candidates, *unlike) if c.size <= 3 and PAYLOAD not in c.identifiers
     ]
-    first = PayloadSearch(problem.flights, options, best.onset)
+    first = PayloadSearch(problem.flights, options, best.onset, lengths)
     guesses = [guess for guess, _ in first.followed(noise, nuisance, others)]
     if not guesses:
         return []
     onset = first.when(noise, nuisance, guesses[0])
-    sharp = PayloadSearch(problem.flights, options, onset).from_guesses(noise, nuisance, guesses)
+    sharp = PayloadSearch(problem.flights, options, onset, lengths).from_guesses(
+        noise, nuisance, guesses
+    )
     return [dc.replace(c, onset_prior=best.prior) for _, c in sharp]
 
 

@@ -50,13 +50,18 @@ from np_drake.effects.library import effect_of
 
 
 def condition(
-    flights: Sequence[FlightResiduals], options: Options, *, still_air: bool = False
+    flights: Sequence[FlightResiduals],
+    options: Options,
+    *,
+    still_air: bool = False,
+    lengths: np.ndarray | None = None,
 ) -> RegressionProblem:
     """Return the problem with outliers, payloads and noise as they show when every effect helps.
 
     Args:
         still_air: whether no wind acts in all flights; one that begins, or that some lack, is tried
             all the same.
+        lengths: of tethers (n,) that are searched [m]; default: `search_lengths`.
     """
     error = options.priors.linear_error
     step = flights[0].grid.step
@@ -94,7 +99,7 @@ def condition(
     others = [plain[i] for i in _best_variants(alone)]
     after_others = no_worse(_residuals_of_all_effects(problem(white, others)), channels)
     weights = (white, scale_only(after_others, step))  # a light payload shows in the second alone
-    search = PayloadSearch([e for e in flights if not e.earlier], options)
+    search = PayloadSearch([e for e in flights if not e.earlier], options, lengths=lengths)
     tried = () if PAYLOAD in hidden_from(flights) else weights
     followed = next(filter(None, (search.followed(n, nuisance, others) for n in tried)), [])
     payloads = [candidate for _, candidate in followed]
@@ -196,16 +201,20 @@ class Ranking:
 
 
 def find_map_model(
-    flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
+    flights: Sequence[FlightResiduals],
+    options: Options | None = None,
+    *,
+    still_air: bool = False,
+    lengths: np.ndarray | None = None,
 ) -> Ranking:
     """Return the best model of these training flights, searched and fitted twice: once more with
     the noise that the fit leaves.
 
     options: all that steers the answer; default: real where attitudes are noisy or rotor speed is
-    measured.
+    measured. still_air, lengths: as of `condition`.
     """
     options = with_input(options, flights) if options else options_of(flights)
-    of = condition(flights, options, still_air=still_air)
+    of = condition(flights, options, still_air=still_air, lengths=lengths)
     priors = options.priors
     best = None
     noise = of.noise
@@ -221,7 +230,7 @@ def find_map_model(
         )
         late = switched_candidates(scan)
         if first:
-            hung = [*late_payloads(scan, late), *changing_payloads(problem)]
+            hung = [*late_payloads(scan, late, lengths), *changing_payloads(problem, lengths)]
             problem = problem.extended(hung)
         problem = problem.extended([*late, *new_conditions(problem)])
         models = search(problem)

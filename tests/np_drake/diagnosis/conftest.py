@@ -5,7 +5,7 @@ explain them.
 import dataclasses as dc
 import importlib
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache, partialmethod
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.selection import Ranking, find_map_model, rank_models
-from np_drake.diagnosis.selection.payload_search import SEARCH_LENGTHS, PayloadSearch
+from np_drake.diagnosis.selection.payload_search import SEARCH_LENGTHS
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -56,10 +56,8 @@ def search_with_few_lengths(
     """Return `find_map_model` with a quarter of the tether lengths, for flights without a
     payload.
     """
-    few = partialmethod(PayloadSearch.__init__, lengths=np.geomspace(*SEARCH_LENGTHS)[::4])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(PayloadSearch, "__init__", few)
-        return find_map_model(flights, options, still_air=still_air)
+    few = np.geomspace(*SEARCH_LENGTHS)[::4]
+    return find_map_model(flights, options, still_air=still_air, lengths=few)
 
 
 def _content(e: FlightResiduals) -> tuple[object, ...]:

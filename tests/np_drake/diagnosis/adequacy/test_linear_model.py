@@ -32,7 +32,7 @@ def model(seen, noise):
         nuisance = flight_errors(flights, Tolerance()) if drifts else []
         warm = {"temperature": REAL.priors.temperature}
         problem = RegressionProblem(flights, noise, nuisance, [], options=REAL, **warm)
-        fit = refine(terms, [], flights, noise, linear=nuisance, priors=REAL.priors, **warm)
+        fit = refine(problem, terms, [], noise)
         ranking = Ranking((fit,), noise, problem, (), REAL)
         return LinearModel(ranking), ranking
 

@@ -16,6 +16,7 @@ from np_drake.diagnosis.fitting import (
 )
 from np_drake.diagnosis.forward_model import NEVER, Term
 from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors import RegressionProblem
 from np_drake.effects.base import Effect, prior_root
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.command_delay import CommandDelay
@@ -40,6 +41,11 @@ def deviation(fit) -> np.ndarray:
     return np.sqrt(np.diag(fit.covariance))
 
 
+def fitted(terms, flight, noise, calibration=(), evaluations=8):
+    problem = RegressionProblem([flight], noise, [], [], temperature=1.0, options=REAL)
+    return refine(problem, terms, calibration, noise, evaluations)
+
+
 @pytest.mark.parametrize(
     "true, start",
     [
@@ -53,7 +59,7 @@ def deviation(fit) -> np.ndarray:
 )
 def test_parameters_are_recovered_within_their_intervals(seen, noise, true, start):
     flight = seen(*true, noise=1.0, seconds=8.0)
-    dut = refine([Term(e) for e in start], [], [flight], noise, temperature=1.0, priors=PRIORS)
+    dut = fitted([Term(e) for e in start], flight, noise)
     expected = read([Term(e) for e in true], dut.free)
     np.testing.assert_array_less(np.abs(dut.values - expected), 3.5 * deviation(dut))
     np.testing.assert_array_less(deviation(dut), 0.15 * np.maximum(np.abs(expected), 0.2))
@@ -64,9 +70,7 @@ def test_parameters_are_recovered_within_their_intervals(seen, noise, true, star
 def test_a_payload_is_recovered_with_its_swing(seen, noise, damping):
     true = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05, damping)
     flight = seen(true, noise=1.0, seconds=7.0)
-    dut = refine(
-        [Term(SuspendedPayload(0.15, 0.46))], [], [flight], noise, temperature=1.0, priors=PRIORS
-    )
+    dut = fitted([Term(SuspendedPayload(0.15, 0.46))], flight, noise)
     found = dut.terms[0].effect
     assert found.mass == pytest.approx(0.2, rel=0.05)
     assert found.length == pytest.approx(0.5, rel=0.03)
@@ -80,9 +84,7 @@ def test_95_percent_intervals_hold_the_truth_about_95_times_in_100(seen, noise):
     inside = []
     for seed in range(SEEDS):
         flight = seen(true, seed=seed, noise=1.0, seconds=5.0)
-        fit = refine(
-            [Term(true)], [], [flight], noise, temperature=1.0, evaluations=2, priors=PRIORS
-        )
+        fit = fitted([Term(true)], flight, noise, evaluations=2)
         inside.append(np.abs(fit.values - [0.3, 0.2, 0.25]) < 1.96 * deviation(fit))
     assert 0.88 < np.mean(inside) < 1.0  # of 120: 0.95 less 3.5 sigma; some must miss
 
@@ -90,7 +92,7 @@ def test_95_percent_intervals_hold_the_truth_about_95_times_in_100(seen, noise):
 def test_calibration_moves_no_further_than_its_prior_lets_it(seen, noise):
     flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
     tight, loose = (
-        refine([], [d], [flight], noise, temperature=1.0, priors=PRIORS)
+        fitted([], flight, noise, [d])
         for d in (Deviation(MassError, {"delta_mass": width}) for width in (1e-4, 1.0))
     )
     assert abs(tight.calibration[0].effect.delta_mass) < 0.02
