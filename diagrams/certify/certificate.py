@@ -8,6 +8,7 @@ cell may be flown that is of the part, where that bound is within the limit.
 """
 
 import dataclasses as dc
+import math
 from collections.abc import Sequence
 from functools import partial
 from itertools import combinations_with_replacement
@@ -17,7 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
-from scipy import special, stats
+from scipy import ndimage, special, stats
 
 from diagrams.batch.run import Case, Run, every_result, make_folder, require
 from diagrams.certify.ranges import Range, drawn_flight, with_value
@@ -143,19 +144,19 @@ class Certificate:
         refused = self.flights.loc[self.flights["refused"] != "", "refused"]
         flown = len(self.flights) - len(refused)
         missing = self.asked - len(self.flights)
-        said = f"{flown} of {self.asked} flights asked were flown"
+        text = f"{flown} of {self.asked} flights asked were flown"
         if len(refused):
-            said += f"; {len(refused)} cannot be flown as drawn, the first: {refused.iloc[0]}"
+            text += f"; {len(refused)} cannot be flown as drawn, the first: {refused.iloc[0]}"
         if missing:
-            said += f"; for {missing} no part was left in which they fail seldom enough"
-        return said
+            text += f"; for {missing} no part was left in which they fail seldom enough"
+        return text
 
     def quantile(self, key: str, share: float) -> float:
         """Return the quantile of `peak` or `E_xy` in the part [m]; inf where lost flights reach
         it.
         """
         values = self.confirming[key].astype(float).fillna(np.inf)
-        return float(np.quantile(values, share, method="higher")) if len(values) else np.nan
+        return float(values.quantile(share, interpolation="higher"))
 
     def drivers(self) -> list[dict[str, Any]]:
         """Return what goes with the largest deviation, most of all first.
@@ -168,16 +169,15 @@ class Certificate:
         ranges = [one.name for one in self.over]
         lines = []
         for name in self.flights.columns.difference(KEYS):
-            known = self.flights[name].notna()
-            value = self.flights.loc[known, name].astype(float)
-            own = rank[known]
-            if value.nunique() < 3 or own.nunique() < 2:
+            values = self.flights[name].dropna().astype(float)
+            ranks = rank[values.index]
+            if values.nunique() < 3 or ranks.nunique() < 2:
                 continue
-            rho = float(stats.spearmanr(value, own).statistic)
-            if abs(rho) * np.sqrt(len(value)) < NOTED:
+            rho = float(stats.spearmanr(values, ranks).statistic)
+            if abs(rho) * np.sqrt(len(values)) < NOTED:
                 continue
-            third = pd.qcut(value.rank(method="first"), 3, labels=False)
-            shares = self.flights.loc[known, "failed"].groupby(third).mean()
+            third = pd.qcut(values.rank(method="first"), 3, labels=False)
+            shares = self.flights["failed"].groupby(third).mean()
             by = "" if name in ranges else self._teller(str(name))
             lines.append({"name": name, "rho": rho, "thirds": shares.tolist(), "told_by": by})
         return sorted(lines, key=lambda line: -abs(line["rho"]))[:DRIVERS]
@@ -197,24 +197,22 @@ class Certificate:
         """
         if not self.over:
             return []
-        first = self.over[0]
-        second = self.over[1] if len(self.over) > 1 else None
+        first, *others = self.over[:2]
         a, b = self.part.shape
-        found = []
+        lines = []
         for i, row in enumerate(self.cells):
             cells = np.flatnonzero(row != NO)
-            said = self.answer if len(cells) else NO
-            if len(cells) and second is not None:
+            answer = self.answer if len(cells) else NO
+            for second in others if len(cells) else ():
                 ends = f"{second.at(cells[0] / b):.3g} to {second.at((cells[-1] + 1) / b):.3g}"
-                said = ends if said == YES else f"{ends} {said}"
-            found.append((f"{first.at(i / a):.3g} to {first.at((i + 1) / a):.3g}", said))
-        return found
+                answer = ends if answer == YES else f"{ends} {answer}"
+            lines.append((f"{first.at(i / a):.3g} to {first.at((i + 1) / a):.3g}", answer))
+        return lines
 
     def figure(self) -> Figure:
         """Return the map: flights, where they failed, and the cells that may be flown."""
         require(len(self.over) > 1, "certify: a map needs two ranges; name another --over.")
-        x = self.over[1]
-        y = self.over[0]
+        y, x = self.over[:2]
         figure, axes = new_figure(1, 1, width=6.5, height=5.0)
         ax = axes[0, 0]
         a, b = self.part.shape
@@ -223,7 +221,7 @@ class Certificate:
         ax.pcolormesh(*edges, np.where((self.cells != NO)[..., None], colour, 1.0))
         shares = np.array(self.flights["shares"].tolist())
         flights = self.flights.assign(flown=~self.flights["failed"].astype(bool))
-        for of, marker, size, color, said in (
+        for of, marker, size, color, label in (
             ("flown", ".", 8, "0.35", "flown"),
             ("outside", "^", 22, PALETTE[4], f"beyond {self.within:g} m"),
             ("grounded", "v", 22, PALETTE[2], "payload below ground"),
@@ -231,7 +229,7 @@ class Certificate:
         ):
             which = shares[flights[of].to_numpy(bool)]
             if len(which):
-                ax.scatter(x.at(which[:, 1]), y.at(which[:, 0]), size, color, marker, label=said)
+                ax.scatter(x.at(which[:, 1]), y.at(which[:, 0]), size, color, marker, label=label)
         labels = [f"{one.name} [{UNITS.get(one.name, 'SI')}]" for one in (x, y)]
         ax.set(xlabel=labels[0], ylabel=labels[1], xlim=(x.low, x.high), ylim=(y.low, y.high))
         ax.set_title(
@@ -282,8 +280,14 @@ def flown(case: Case, *, config: FlightConfig, over: Sequence[Range], seed: int)
     except LostVehicle:
         return lost | {"drawn": drawn}
     off = np.linalg.norm(result.flown - result.signals["p_ref"], axis=1)
-    found = {"lost": False, "grounded": result.below_ground is not None, "drawn": drawn}
-    return lost | found | {"peak": float(off.max()), "E_xy": result.metrics()["E_xy"]}
+    return {
+        "refused": "",
+        "lost": False,
+        "grounded": result.below_ground is not None,
+        "peak": float(off.max()),
+        "E_xy": result.metrics()["E_xy"],
+        "drawn": drawn,
+    }
 
 
 def chosen_part(failed: np.ndarray, flown_there: np.ndarray, rate: float) -> np.ndarray:
@@ -299,7 +303,7 @@ def chosen_part(failed: np.ndarray, flown_there: np.ndarray, rate: float) -> np.
     a, b = failed.shape
     widths = np.array(list(combinations_with_replacement(range(b, -1, -1), a)))
     best = (0, 0.0)
-    found = np.zeros((a, b), bool)
+    part = np.zeros((a, b), bool)
     for flip in ((), (0,), (1,), (0, 1)):
         sums = [
             np.pad(np.cumsum(np.flip(of, flip), axis=1), ((0, 0), (1, 0)))
@@ -307,48 +311,49 @@ def chosen_part(failed: np.ndarray, flown_there: np.ndarray, rate: float) -> np.
         ]
         k, n = (of[np.arange(a), widths].sum(axis=1) for of in sums)
         size = np.where(k <= rate * n, widths.sum(axis=1), 0)
-        place = int(np.lexsort((-k, size))[-1])
-        if (int(size[place]), -float(k[place])) > best:
-            best = (int(size[place]), -float(k[place]))
-            found = np.flip(np.arange(b) < widths[place][:, None], flip)
-    return found
+        largest = int(np.lexsort((-k, size))[-1])
+        worth = (int(size[largest]), -float(k[largest]))
+        if worth > best:
+            best = worth
+            part = np.flip(np.arange(b) < widths[largest][:, None], flip)
+    return part
 
 
 def border(part: np.ndarray) -> np.ndarray:
     """Return the cells (k, 2) of a part beside cells that are not of it; all where there are
     none.
     """
-    around = np.pad(part, 1, mode="edge")
-    inner = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
-    edge = part & ~inner
+    edge = part & ~ndimage.binary_erosion(part, border_value=1)
     return np.argwhere(edge if edge.any() else part)
 
 
-def _fly(
-    run: Run,
-    config: FlightConfig,
-    over: Sequence[Range],
-    places: Sequence[Sequence[float]],
-    *,
-    first: int,
-    stage: str,
-    within: float,
-) -> list[dict[str, Any]]:
-    """Return a line, as of `Certificate.flights`, for the flight at each place, numbered from
-    `first` on.
+@dc.dataclass
+class _Draws:
+    """Flights drawn from a scenario and ranges, with a line of each, as of
+    `Certificate.flights`.
     """
-    settings = {"scenario": settings_of(config), "over": [dc.astuple(one) for one in over]}
-    work = partial(flown, config=config, over=over, seed=run.seed)
-    cases = [{"flight": first + k, "shares": list(place)} for k, place in enumerate(places)]
-    records = run.cases(stage, "flights", work, cases, config=settings | {"seed": run.seed})
-    lines = []
-    for case, found in zip(cases, every_result(records), strict=True):
-        drawn = found.pop("drawn")
-        outside = not found["lost"] and found["peak"] > within
-        line = {"stage": stage, "shares": case["shares"], **found, "outside": outside}
-        failed = found["lost"] or found["grounded"] or outside
-        lines.append({**line, "failed": failed, **drawn})
-    return lines
+
+    config: FlightConfig
+    over: Sequence[Range]
+    within: float  # radius of the corridor [m]
+    run: Run
+    lines: list[dict[str, Any]] = dc.field(default_factory=list)
+
+    def fly(self, shares: np.ndarray, stage: str) -> list[bool]:
+        """Fly one flight at each place (n, ranges) [1], and return which of them failed."""
+        before = len(self.lines)
+        cases = [{"flight": before + k, "shares": row} for k, row in enumerate(shares.tolist())]
+        ranges = [dc.astuple(one) for one in self.over]
+        settings = {"scenario": settings_of(self.config), "over": ranges, "seed": self.run.seed}
+        work = partial(flown, config=self.config, over=self.over, seed=self.run.seed)
+        records = self.run.cases(stage, "flights", work, cases, config=settings)
+        for case, result in zip(cases, every_result(records), strict=True):
+            drawn = result.pop("drawn")
+            outside = not result["lost"] and result["peak"] > self.within
+            failed = result["lost"] or result["grounded"] or outside
+            line = {"stage": stage, "shares": case["shares"], **result, "outside": outside}
+            self.lines.append({**line, "failed": failed, **drawn})
+        return [line["failed"] for line in self.lines[before:]]
 
 
 def fly_draws(
@@ -357,8 +362,9 @@ def fly_draws(
     """Return flights drawn evenly over ranges, as of `Certificate.flights`; arguments as of
     `certify`.
     """
-    places = np.random.default_rng(run.seed).random((flights, len(over))).tolist()
-    return pd.DataFrame(_fly(run, config, over, places, first=0, stage=EVEN, within=within))
+    draws = _Draws(config, over, within, run)
+    draws.fly(np.random.default_rng(run.seed).random((flights, len(over))), EVEN)
+    return pd.DataFrame(draws.lines)
 
 
 def certify(
@@ -391,44 +397,64 @@ def certify(
     """
     run = run or Run()
     over = tuple(one.check() for one in over)
-    names = [one.name for one in over]
+    shape = tuple(cells if k < len(over) else 1 for k in range(2))
     require(
         within > 0 and 0 < limit < 1 and 0 < confidence < 1 and 1 <= cells <= MOST_CELLS,
         f"certify: within [m] must be positive, limit and confidence between 0 and 1, cells 1 to "
         f"{MOST_CELLS}; got {within:g}, {limit:g}, {confidence:g}, {cells}.",
     )
-    require(len({*names}) == len(names), f"--over: ranges must differ; got {', '.join(names)}.")
-    for one in over:  # a field that there is not is no flight that failed
-        with_value(config, one.name, one.low)
-    shape = tuple(cells if k < len(over) else 1 for k in range(2))
+    _check_ranges(config, over)
+    fewest = FEWEST * math.prod(shape)
     require(
-        flights >= (FEWEST * int(np.prod(shape)) if over else 1),
-        f"--flights: must be at least {FEWEST} a cell of the map, {FEWEST * int(np.prod(shape))}; "
-        f"got {flights}. Or take fewer --cells.",
+        flights >= (fewest if over else 1),
+        f"--flights: must be at least {FEWEST} a cell of the map, {fewest}; got {flights}. Or take "
+        "fewer --cells.",
     )
+    explored = flights // 2 if over else 0
+    confirming = flights - explored
+    # Share of failures with which as many flights would still be certified [1].
+    certified = (k for k in range(1, confirming) if Bound(k, confirming, confidence).upper <= limit)
+    rate = max(certified, default=0) / confirming
+    draws = _Draws(config, over, within, run)
+    part = _explored(draws, shape, explored, flights, rate)
+    return Certificate(
+        config, over, part, pd.DataFrame(draws.lines), confidence, limit, within, flights
+    )
+
+
+def _check_ranges(config: FlightConfig, over: Sequence[Range]) -> None:
+    """Raise ValueError where two ranges are of one field, or one of a field that the scenario has
+    not, which is no flight that failed.
+    """
+    names = [one.name for one in over]
+    require(len({*names}) == len(names), f"--over: ranges must differ; got {', '.join(names)}.")
+    for one in over:
+        with_value(config, one.name, one.low)
+
+
+def _explored(
+    draws: _Draws, shape: tuple[int, ...], explored: int, flights: int, rate: float
+) -> np.ndarray:
+    """Fly `explored` flights over a map of cells, choose the part in which at most `rate` of them
+    failed [1], and fly the rest of `flights` there; return the part.
+    """
     failed = np.zeros(shape, int)
     count = np.zeros(shape, int)
-    lines = list[dict[str, Any]]()
-    explored = flights // 2 if over else 0
-    left = flights - explored
-    # Share of failures with which as many flights would still be certified [1].
-    rate = max(k for k in range(left) if not k or Bound(k, left, confidence).upper <= limit) / left
-    rng = np.random.default_rng(run.seed)
+    rng = np.random.default_rng(draws.run.seed)
+    ranges = len(draws.over)
 
-    def fly_in(chosen: np.ndarray, stage: str) -> None:
+    def fly_in(cells: np.ndarray, stage: str) -> None:
         """Fly one flight in each of the cells (n, 2)."""
-        shares = (chosen + rng.random(chosen.shape)) / shape
-        more = rng.random((len(chosen), max(len(over) - 2, 0)))
-        places = np.concatenate([shares[:, : len(over)], more], axis=1).tolist()
-        found = _fly(run, config, over, places, first=len(lines), stage=stage, within=within)
-        np.add.at(failed, tuple(chosen.T), [line["failed"] for line in found])
-        np.add.at(count, tuple(chosen.T), 1)
-        lines.extend(found)
+        shares = (cells + rng.random(cells.shape)) / shape
+        more = rng.random((len(cells), max(ranges - 2, 0)))
+        places = np.concatenate([shares[:, :ranges], more], axis=1)
+        np.add.at(failed, tuple(cells.T), draws.fly(places, stage))
+        np.add.at(count, tuple(cells.T), 1)
 
     first = explored // 2
     fly_in(rng.permutation(np.argwhere(count == 0))[np.arange(first) % count.size], EXPLORING)
-    if lines and all(line["refused"] for line in lines):
-        raise ValueError(f"certify: no draw can be flown. {lines[0]['refused']}")
+    if draws.lines and all(line["refused"] for line in draws.lines):
+        raise ValueError(f"certify: no draw can be flown. {draws.lines[0]['refused']}")
     for _ in range(ROUNDS if explored else 0):
         near = border(chosen_part(failed, count, rate))
         if len(near):
@@ -436,6 +462,5 @@ def certify(
     part = chosen_part(failed, count, rate)
     inside = np.argwhere(part)
     if len(inside):
-        fly_in(inside[rng.integers(len(inside), size=flights - len(lines))], CONFIRMING)
-    found = pd.DataFrame(lines)
-    return Certificate(config, over, part, found, confidence, limit, within, flights)
+        fly_in(inside[rng.integers(len(inside), size=flights - len(draws.lines))], CONFIRMING)
+    return part

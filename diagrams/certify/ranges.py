@@ -62,14 +62,14 @@ class Range:
         name, sign, ends = text.partition("=")
         low, colon, high = ends.partition(":")
         try:
-            found = cls(name.strip(), float(low), float(high))
+            made = cls(name.strip(), float(low), float(high))
         except ValueError:
             colon = ""
         require(
             bool(sign and colon and name.strip()),
             f"--over: must be NAME=LOW:HIGH, as speed=0.5:3; got {text!r}.",
         )
-        return found.check()
+        return made.check()
 
     def check(self) -> "Range":
         """Return self after checking the ends; ValueError where they are no range."""
@@ -102,21 +102,27 @@ def spread_of(vehicle: Vehicle) -> dict[str, float]:
     """Return the standard deviations of the numbers that are drawn, by `part` of their field and as
     `THRUST`; none of a vehicle whose file states no interval.
     """
-    found: dict[str, float] = {}
-    named, known = {PART.match(name)[1] for name in vehicle.intervals}, values(vehicle)  # type: ignore[index]
+    deviations: dict[str, float] = {}
+    named = {_field(name) for name in vehicle.intervals}
+    nominal = values(vehicle)
     for field in (field for field in DRAWN if field in named):
-        for index in np.ndindex(np.shape(known[field])):
+        for index in np.ndindex(np.shape(nominal[field])):
             deviation = vehicle.known_within(field, *index)
             if deviation and (field != "inertia" or index[0] <= index[1]):
-                found[part(field, *index)] = deviation
+                deviations[part(field, *index)] = deviation
     mass = vehicle.uncertainty("mass")
+    if mass:
+        deviations.setdefault("mass", mass * vehicle.mass)
     thrust = vehicle.uncertainty("thrust")
-    if mass and "mass" not in found:
-        found["mass"] = mass * vehicle.mass
     if thrust is None and "throttle.full_thrust" in named and vehicle.throttle is not None:
         full = vehicle.known_within("throttle.full_thrust")
         thrust = None if full is None else full / vehicle.throttle.full_thrust
-    return found | ({THRUST: thrust} if thrust else {})
+    return deviations | ({THRUST: thrust} if thrust else {})
+
+
+def _field(name: str) -> str:
+    """Return the field of a `part` of it."""
+    return PART.match(name)[1]  # type: ignore[index]
 
 
 def drawn_vehicle(
@@ -127,30 +133,37 @@ def drawn_vehicle(
     Draws that no vehicle can have are left out.
     Raises: ValueError: where no draw is a vehicle.
     """
-    known = values(vehicle)
+    nominal = values(vehicle)
     why = ""
     for _ in range(ATTEMPTS if spread else 0):
         drawn = {name: deviation * rng.standard_normal() for name, deviation in spread.items()}
-        drawn = {n: d + (1.0 if n == THRUST else value_of(n, known)) for n, d in drawn.items()}
-        fields = {PART.match(name)[1] for name in drawn} - {THRUST}  # type: ignore[index]
-        own = {field: np.array(known[field], float) for field in fields}
-        for name, value in drawn.items():
-            if name != THRUST:
-                field, places = PART.match(name).groups()  # type: ignore[union-attr]
-                index = tuple(int(place) for place in places.strip("[]").split("][") if place)
-                own[field][index] = own[field][index[::-1]] = value
-        if "calibration.rotor_gains" in own:
-            own["calibration.rotor_gains"] /= own["calibration.rotor_gains"].mean()
+        drawn = {n: d + (1.0 if n == THRUST else value_of(n, nominal)) for n, d in drawn.items()}
+        content = _content({n: v for n, v in drawn.items() if n != THRUST}, nominal)
         try:
-            content: dict[str, Any] = {}
-            for field, array in own.items():
-                section, _, name = field.rpartition(".")
-                (content.setdefault(section, {}) if section else content)[name] = array.tolist()
             return filled(vehicle, content).check() if content else vehicle, drawn
         except ValueError as error:
             why = str(error)
     require(not spread, f"{vehicle.name}: its intervals hold no vehicle that can be: {why}")
     return vehicle, {}
+
+
+def _content(drawn: dict[str, float], nominal: dict[str, Any]) -> dict[str, Any]:
+    """Return what a vehicle file of drawn numbers holds, the others of their fields as in
+    `nominal`.
+    """
+    arrays = {field: np.array(nominal[field], float) for field in map(_field, drawn)}
+    for name, value in drawn.items():
+        field, places = PART.match(name).groups()  # type: ignore[union-attr]
+        index = tuple(int(place) for place in places.strip("[]").split("][") if place)
+        arrays[field][index] = arrays[field][index[::-1]] = value
+    gains = arrays.get("calibration.rotor_gains")
+    if gains is not None:
+        gains /= gains.mean()
+    content: dict[str, Any] = {}
+    for field, array in arrays.items():
+        section, _, name = field.rpartition(".")
+        (content.setdefault(section, {}) if section else content)[name] = array.tolist()
+    return content
 
 
 def drawn_flight(
@@ -174,9 +187,9 @@ def drawn_flight(
     assumed = config.controller.vehicle or config.vehicle
     spread = spread_of(config.vehicle)
     lag = published_priors().time_constant
-    vehicle, found = drawn_vehicle(config.vehicle, spread, rng)
+    vehicle, drawn = drawn_vehicle(config.vehicle, spread, rng)
     effects = reality.posterior.draw(reality.effects, rng)
-    found |= {
+    drawn |= {
         f"{entry.effect}.{name}": value
         for entry in effects
         for name, value in entry.made.values.items()
@@ -187,15 +200,15 @@ def drawn_flight(
         and config.autopilot.kind != "rate_loop"
         and not any((*reality.lags, vehicle.rotor_time_constant))
     ):
-        found["motor_lag"] = float(rng.lognormal(lag.mean, lag.deviation))
+        drawn["motor_lag"] = float(rng.lognormal(lag.mean, lag.deviation))
     reality = dc.replace(
         reality,
-        motor_lag=found.get("motor_lag", reality.motor_lag),
+        motor_lag=drawn.get("motor_lag", reality.motor_lag),
         effects=effects,
         posterior=Posterior(),
         disturbance=dc.replace(reality.disturbance, seed=int(rng.integers(2**31))),
         gust_seed=int(rng.integers(2**31)),
-        thrust_scale=reality.thrust_scale * found.get(THRUST, 1.0),
+        thrust_scale=reality.thrust_scale * drawn.get(THRUST, 1.0),
     )
     flight = dc.replace(
         config,
@@ -205,6 +218,6 @@ def drawn_flight(
     )
     side = 2 * math.pi * rng.random()
     for one, share in zip(over, shares, strict=True):
-        found[one.name] = float(one.at(share))
-        flight = with_value(flight, one.name, found[one.name], side)
-    return flight.check_and_step().check_start(), found
+        drawn[one.name] = float(one.at(share))
+        flight = with_value(flight, one.name, drawn[one.name], side)
+    return flight.check_and_step().check_start(), drawn

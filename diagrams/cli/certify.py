@@ -62,7 +62,7 @@ def certify(
         duration=duration,
         fields=fields or (),
     )[0]
-    found = certificate_of(
+    certificate = certificate_of(
         config,
         ranges,
         flights=flights,
@@ -74,33 +74,33 @@ def certify(
     )
 
     def write(folder: Path) -> None:
-        written = found.write_failed(folder / "failed", run.seed)
+        written = certificate.write_failed(folder / "failed", run.seed)
         if written:
             say(f"failed flights: {folder / 'failed'}, {len(written)} scenario files")
 
     return Report(
-        tables(found),
+        tables(certificate),
         config={
             "scenario": settings_of(config),
             "over": list(over or ()),
             **{"limit": limit, "confidence": confidence, "within": within, "cells": cells},
         },
         metrics={
-            "holds": found.answer == YES,
-            "cells": found.cells.tolist(),
-            "lacking": found.lacking,
-            "asked": found.asked,
-            "flown": int((found.flights["refused"] == "").sum()),
+            "holds": certificate.answer == YES,
+            "cells": certificate.cells.tolist(),
+            "lacking": certificate.lacking,
+            "asked": certificate.asked,
+            "flown": int((certificate.flights["refused"] == "").sum()),
             "bounds": {
                 of: {"failures": b.failures, "flights": b.flights, "upper": b.upper}
                 for of in BOUNDED
-                for b in [found.bound(of)]
+                for b in [certificate.bound(of)]
             },
-            "drivers": found.drivers(),
-            "flights": found.flights.to_dict("records"),
+            "drivers": certificate.drivers(),
+            "flights": certificate.flights.to_dict("records"),
         },
-        summary=[found.flown_of_asked()],
-        figures={"map.png": found.figure} if len(ranges) > 1 else {},
+        summary=[certificate.flown_of_asked()],
+        figures={"map.png": certificate.figure} if len(ranges) > 1 else {},
         write=write,
     )
 
@@ -116,49 +116,51 @@ BOUNDED = {
 OTHERWISE = "A narrower range or a wider corridor may do."
 
 
-def sentence(found: Certificate) -> str:
+def sentence(certificate: Certificate) -> str:
     """Return the answer in a sentence or two."""
-    bound = found.bound()
-    who = f"{found.config.name} with {found.config.controller.name}"
+    bound = certificate.bound()
+    who = f"{certificate.config.name} with {certificate.config.controller.name}"
     if not bound.flights:
         return f"{who}: nothing may be flown: flights fail in every part of the ranges."
-    told = f"it fails in {bound}, {100 * found.confidence:g} % sure."
-    where = "in the part below" if found.over else "as drawn"
-    less = f"{100 * found.limit:g} %"
-    more = found.lacking
+    failures = f"it fails in {bound}, {100 * certificate.confidence:g} % sure."
+    where = "in the part below" if certificate.over else "as drawn"
+    less = f"{100 * certificate.limit:g} %"
+    more = certificate.lacking
     if more is None:
-        return f"{who} fails {where} more often than {less}: {told} {OTHERWISE}"
+        return f"{who} fails {where} more often than {less}: {failures} {OTHERWISE}"
     if not more:
-        return f"{who} may be flown {where}: {told}"
-    flights = (bound.flights + more) * (2 if found.over else 1)  # half of them explore
+        return f"{who} may be flown {where}: {failures}"
+    flights = (bound.flights + more) * (2 if certificate.over else 1)  # half of them explore
     return (
-        f"{who} is not shown to fail in less than {less} {where}: {told} {more} more flights "
+        f"{who} is not shown to fail in less than {less} {where}: {failures} {more} more flights "
         f"without a failure would show it (--flights {flights}). {OTHERWISE}"
     )
 
 
-def tables(found: Certificate) -> list[Table]:
+def tables(certificate: Certificate) -> list[Table]:
     """Return bounds and errors, the part that may be flown, and what the deviation goes with."""
-    title = sentence(found)
-    flights = found.flights
-    if len(found.confirming):
-        sizes = (found.quantile(*of) for of in (("E_xy", 0.5), ("E_xy", 0.95), ("peak", 0.95)))
+    title = sentence(certificate)
+    flights = certificate.flights
+    if len(certificate.confirming):
+        sizes = (
+            certificate.quantile(*of) for of in (("E_xy", 0.5), ("E_xy", 0.95), ("peak", 0.95))
+        )
         median, most, peak = (measure(v, "m") if v < inf else "unbounded" for v in sizes)
         title += (
             f" E_xy there: {median}, of 95 % of flights at most {most}; largest deviation of 95 % "
             f"of flights: {peak}."
         )
-        flights = found.confirming
+        flights = certificate.confirming
     bounds = [
-        (said, f"{int(flights[of].sum())} of {len(flights)}", found.bound(of).at_most)
-        for of, said in BOUNDED.items()
+        (text, f"{int(flights[of].sum())} of {len(flights)}", certificate.bound(of).at_most)
+        for of, text in BOUNDED.items()
     ]
     result: list[Table] = [(title, ["the vehicle", "flights", "at most"], bounds)]
-    if found.over:
-        header = [one.name for one in found.over[:2]]
+    if certificate.over:
+        header = [one.name for one in certificate.over[:2]]
         header += ["may be flown"] if len(header) == 1 else []
-        result.append(("what may be flown", header, found.allowed()))
-    drivers = found.drivers()
+        result.append(("what may be flown", header, certificate.allowed()))
+    drivers = certificate.drivers()
     columns = (
         ("quantity", "name"),
         ("rank correlation", lambda line: f"{line['rho']:+.2f}"),

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
+from sklearn.preprocessing import PolynomialFeatures
 from typer import Option
 
 from diagrams.batch.run import Case, Report, Run, failures, results
@@ -56,23 +57,23 @@ def known(case: Case) -> dict[str, Any]:
     answer = diagnose(logs[:-1], logs[-1:], vehicle)
     config = corrected_simulator(answer, vehicle)
     default = default_flight(vehicle)
-    found = config.reality  # in which a payload may hang as a cause
-    payload = default.reality.payload if found.hung.tether == "none" else found.payload
-    told = dc.replace(
+    reality = config.reality  # in which a payload may hang as a cause
+    payload = default.reality.payload if reality.hung.tether == "none" else reality.payload
+    corrected = dc.replace(
         config,
         duration=SCORED * default.duration / FlightConfig().duration,
-        reality=dc.replace(found, payload=payload),
+        reality=dc.replace(reality, payload=payload),
         controller=dc.replace(config.controller, kind="hold"),
     )
     hover = truth.throttle.throttle(0.25 * mass * vehicle.gravity, battery)
     assert vehicle.throttle is not None
     thrust = truth.throttle.thrust(hover, battery) / vehicle.throttle.thrust(hover, battery)
     true = dc.replace(
-        told,
+        corrected,
         vehicle=truth.vehicle,
-        controller=dc.replace(told.controller, vehicle=vehicle),
+        controller=dc.replace(corrected.controller, vehicle=vehicle),
         reality=dc.replace(
-            told.reality,
+            reality,
             effects=[EffectEntry.of(effect) for effect in (truth.drag, truth.flapping, truth.lift)],
             payload=default.reality.payload,
             thrust_scale=float(thrust),
@@ -80,7 +81,7 @@ def known(case: Case) -> dict[str, Any]:
             disturbance=DisturbanceConfig(),
         ),
     )
-    contents = {"told": scenario_content(told), "true": scenario_content(true)}
+    contents = {"corrected": scenario_content(corrected), "true": scenario_content(true)}
     return {**contents, "verdict": list(answer.verdict)}
 
 
@@ -100,29 +101,28 @@ def known_by_firmware(case: Case) -> dict[str, Any]:
         dc.replace(fly(scenario(track, "betaflight", base, LOGGED), seed=k).log(), name=track)
         for k, track in enumerate(TRACKS, start=len(TRACKS) * case["seed"])
     ]
-    found = identified_vehicle(identify(logs, base, mass=base.mass), "identified")
+    vehicle = identified_vehicle(identify(logs, base, mass=base.mass), "identified")
     true = scenario("circle", "betaflight", base, SCORED)
-    true.controller.vehicle = found
-    told = scenario("circle", "rate_loop", found, SCORED)
-    return {"told": scenario_content(told), "true": scenario_content(true)}
+    true.controller.vehicle = vehicle
+    corrected = scenario("circle", "rate_loop", vehicle, SCORED)
+    return {"corrected": scenario_content(corrected), "true": scenario_content(true)}
 
 
-def in_band(told: pd.DataFrame, seen: pd.DataFrame) -> float:
-    """Return the share of flights whose error E_xy is in the 95 % band that told flights give for
-    their place [1]; NaN without any.
+def in_band(predicted: pd.DataFrame, seen: pd.DataFrame) -> float:
+    """Return the share of flights whose error E_xy is in the 95 % band that predicted flights give
+    for their place [1]; NaN without any.
 
     The logarithm of the error is quadratic in the place, by least squares, with the prediction
     interval of that; lost flights are in no band.
     """
 
     def terms(flights: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
-        place = np.array(flights["shares"].tolist())
-        columns = (np.ones(len(place)), place, place**2, place.prod(axis=1))
-        return np.column_stack(columns), np.log(flights["E_xy"].astype(float).to_numpy())
+        place = PolynomialFeatures(2).fit_transform(flights["shares"].tolist())
+        return place, np.log(flights["E_xy"].astype(float).to_numpy())
 
     if not len(seen):
         return np.nan
-    A, a = terms(told[told["E_xy"].notna()])
+    A, a = terms(predicted.dropna(subset="E_xy"))
     B, b = terms(seen)
     P = np.linalg.pinv(A)
     within = SURE * (a - A @ P @ a).std(ddof=A.shape[1]) * np.sqrt(1 + np.sum((B @ P) ** 2, axis=1))
@@ -155,30 +155,31 @@ def with_plain_spread(config: FlightConfig) -> FlightConfig:
     return dc.replace(plain, vehicle=vehicle.check(), reality=reality)
 
 
-def judged(found: Certificate, true: pd.DataFrame) -> dict[str, Any]:
+def judged(certificate: Certificate, true: pd.DataFrame) -> dict[str, Any]:
     """Return whether a certificate holds for flights of the vehicle as it truly is, evenly drawn
     over the map: failures in its part within the bound, largest deviation as predicted; None where
     no part was chosen.
     """
+    part = certificate.part
     shares = np.array(true["shares"].tolist())
-    cell = np.minimum((shares * found.part.shape).astype(int), np.array(found.part.shape) - 1)
-    own = true[found.part[cell[:, 0], cell[:, 1]]]
-    bound = found.bound()
-    flown = len(own)
-    failed = int(own["failed"].sum())
-    seen = float(own["peak"].astype(float).fillna(np.inf).quantile(0.95)) if flown else np.nan
-    said = found.quantile("peak", 0.95)
+    cell = np.minimum((shares * part.shape).astype(int), np.array(part.shape) - 1)
+    inside = true[part[cell[:, 0], cell[:, 1]]]
+    flown = len(inside)
+    failed = int(inside["failed"].sum())
+    upper = certificate.bound().upper
+    seen = float(inside["peak"].astype(float).fillna(np.inf).quantile(0.95))
+    predicted = certificate.quantile("peak", 0.95)
     return {
-        "part": float(found.part.mean()),
-        "some": bool(found.part.any()),
+        "part": float(part.mean()),
+        "some": bool(part.any()),
         "flown": flown,
         "failed": failed,
-        "upper": bound.upper,
-        "peak_said": said,
+        "upper": upper,
+        "peak_said": predicted,
         "peak_seen": seen,
-        "peak_close": bool(abs(said - seen) <= CLOSE * seen) if flown else None,
-        "band": in_band(found.flights, own),
-        "covered": failed <= bound.upper * flown if flown else None,
+        "peak_close": bool(abs(predicted - seen) <= CLOSE * seen) if flown else None,
+        "band": in_band(certificate.flights, inside),
+        "covered": failed <= upper * flown if flown else None,
     }
 
 
@@ -214,19 +215,24 @@ def run(
     results(prepared)
     lines = []
     for record in (record for record in prepared if "result" in record):
-        told, real = (filled(FlightConfig(), record["result"][of]) for of in ("told", "true"))
-        speed = told.reference.speed
+        corrected, real = (
+            filled(FlightConfig(), record["result"][of]) for of in ("corrected", "true")
+        )
+        mass = corrected.vehicle.mass
+        speed = corrected.reference.speed
         over = (
-            Range("payload", *(share * told.vehicle.mass for share in PAYLOAD)),
+            Range("payload", *(share * mass for share in PAYLOAD)),
             Range("speed", *(share * speed for share in SPEED)),
         )
-        how: dict[str, Any] = {"within": CORRIDOR * told.reference.radius, "cells": CELLS}
-        own = dc.replace(run, seed=record["case"]["seed"])
-        flown = fly_draws(real, over, true, within=how["within"], run=own)
-        made = (told, without_spread(told), with_plain_spread(told))
-        for row, config in zip(ROWS, made, strict=True):
-            found = certify(config, over, flights=flights, limit=LIMIT, run=own, **how)
-            lines.append({"row": row, "seed": own.seed, **judged(found, flown)})
+        within = CORRIDOR * corrected.reference.radius
+        seeded = dc.replace(run, seed=record["case"]["seed"])
+        flown = fly_draws(real, over, true, within=within, run=seeded)
+        configs = (corrected, without_spread(corrected), with_plain_spread(corrected))
+        for row, config in zip(ROWS, configs, strict=True):
+            certificate = certify(
+                config, over, flights=flights, within=within, limit=LIMIT, cells=CELLS, run=seeded
+            )
+            lines.append({"row": row, "seed": seeded.seed, **judged(certificate, flown)})
     table = summary(pd.DataFrame(lines))
     title = f"{flights} flights a certificate, 95 % sure; {true} of each vehicle as it is; seeds "
     return Report(
@@ -239,16 +245,11 @@ def run(
 
 def summary(lines: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a line for every way of drawing: shares of the vehicles whose certificate holds."""
-    table = []
-    for row, own in lines.groupby("row", sort=False):
-        shares = own[["covered", "some", "part", "peak_close", "band"]].astype(float).mean()
-        table.append(
-            {
-                "row": row,
-                "vehicles": len(own),
-                **shares.to_dict(),
-                "peak_ratio": float((own["peak_said"] / own["peak_seen"]).median()),
-                "rate": float(own["failed"].sum() / own["flown"].sum()),
-            }
-        )
-    return table
+    shares = ["covered", "some", "part", "peak_close", "band"]
+    lines = lines.astype(dict.fromkeys(shares, float))
+    lines["peak_ratio"] = lines["peak_said"] / lines["peak_seen"]
+    rows = lines.groupby("row", sort=False)
+    table = rows.size().to_frame("vehicles").join(rows[shares].mean())
+    table["peak_ratio"] = rows["peak_ratio"].median()
+    table["rate"] = rows["failed"].sum() / rows["flown"].sum()
+    return table.reset_index().to_dict("records")

@@ -107,14 +107,14 @@ class AnsweredCase:
         self.answer = answer
         self.least = least
         self.kind = str(truth["kind"])
-        said = answer or {"verdict": (), "causes": ()}
+        content = answer or {"verdict": (), "causes": ()}
         self.group = f"{truth['simulator']}, {truth['quality']}"
         self.true_names = tuple(effect["effect"] for effect in truth["effects"])
         self.visibility = float(truth["visibility"])
         self.visible = self.visibility >= least
-        self.verdict = tuple(said["verdict"])
+        self.verdict = tuple(content["verdict"])
         self.named = tuple(name for name in self.verdict if name != UNKNOWN)
-        self.causes = {cause["effect"]: cause for cause in said["causes"]}
+        self.causes = {cause["effect"]: cause for cause in content["causes"]}
 
 
 def read_answered_cases(answers: Path, truth: Path, least: float = VISIBLE) -> list[AnsweredCase]:
@@ -172,7 +172,7 @@ def solve(
             f"{out}: must be a folder for the answer; it is a file. Move it away.",
             NotADirectoryError,
         )
-    left = [f for f in folders if again or kept_json(answers / f.name / ANSWER_FILE) is None]
+    unsolved = [f for f in folders if again or kept_json(answers / f.name / ANSWER_FILE) is None]
 
     def keep(case: Case, result: dict) -> dict:
         out = answers / case["case"]
@@ -182,14 +182,14 @@ def solve(
 
     records = (workers or Workers()).run(
         partial(solve_case, cases=cases.resolve(), replay=replay),
-        [{"case": folder.name} for folder in left],
+        [{"case": folder.name} for folder in unsolved],
         config={"replay": replay},
         keep=keep,
         on_progress=on_progress,
     )
     return {
         "cases": len(folders),
-        "skipped": len(folders) - len(left),
+        "skipped": len(folders) - len(unsolved),
         "solved": [{**r["case"], **r["result"]} for r in records if "result" in r],
         "failed": [{**r["case"], "error": r["error"]} for r in records if "error" in r],
     }
@@ -201,11 +201,11 @@ def case_folders(cases: Path) -> list[Path]:
     Raises: ValueError: if there is none.
     """
     folders = [path for path in cases.iterdir() if path.is_dir() and not path.name.startswith(".")]
-    found = sorted(f for f in folders if (f / VEHICLE).is_file() or any(f.glob(f"{TRAIN}*")))
+    named = sorted(f for f in folders if (f / VEHICLE).is_file() or any(f.glob(f"{TRAIN}*")))
     require(
-        bool(found), f"{cases}: must hold case folders, each with {VEHICLE} and flights; got none."
+        bool(named), f"{cases}: must hold case folders, each with {VEHICLE} and flights; got none."
     )
-    return found
+    return named
 
 
 def solve_case(case: Case, *, cases: Path, replay: bool = False) -> dict:
@@ -225,5 +225,5 @@ def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
     (`Diagnosis.refit`).
     """
     vehicle, train, held_out = open_case(folder)
-    found = diagnose(train, held_out, vehicle, DrakeReplay(vehicle) if replay else None)
-    return (found.refit or found).as_json()
+    diagnosis = diagnose(train, held_out, vehicle, DrakeReplay(vehicle) if replay else None)
+    return (diagnosis.refit or diagnosis).as_json()

@@ -5,10 +5,10 @@ fitted and which judge, by name and not by choice. No flight judges its own fit.
 """
 
 import dataclasses as dc
+import math
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -76,8 +76,8 @@ class Truth:
         """Return whether the known cause is named, where there is one, and none is that is not
         there.
         """
-        found = not self.present or set(self.present) & set(named(causes))
-        return bool(found) and not self.wrong(causes, late)
+        is_named = not self.present or bool(set(self.present) & set(named(causes)))
+        return is_named and not self.wrong(causes, late)
 
 
 def named(causes: Mapping[str, float]) -> list[str]:
@@ -128,9 +128,11 @@ def _alike(pattern: str, files: Iterable[Path]) -> list[list[Path]]:
     """Return the files in lists of what the group of a pattern finds at the beginning of their
     names; those without are left out.
     """
-    found = [(match[1], path) for path in files if (match := re.match(pattern, path.name))]
-    in_order = groupby(sorted(found), key=lambda pair: pair[0])
-    return [[path for _, path in own] for _, own in in_order]
+    alike: dict[str, list[Path]] = {}
+    for path in files:
+        if match := re.match(pattern, path.name):
+            alike.setdefault(match[1], []).append(path)
+    return [sorted(alike[beginning]) for beginning in sorted(alike)]
 
 
 def in_circle(
@@ -140,16 +142,16 @@ def in_circle(
     first flight judges what is fitted to the last of each of the `count` after it.
     """
     flown = _alike(pattern, files)
-    for i, own in enumerate(flown if len(flown) > 1 else ()):
+    for i, (first, *_) in enumerate(flown if len(flown) > 1 else ()):
         train = tuple(other[-1] for other in following(flown, i, count))
-        yield Case(group, PREFIX.sub("", own[0].name.split(".")[0]), train, own[0])
+        yield Case(group, PREFIX.sub("", first.name.split(".")[0]), train, first)
 
 
 def by_vehicle(group: str, files: Sequence[Path], pattern: str) -> Iterator[Case]:
     """Yield a case for every vehicle: its last flight judges the two before it, or the one."""
-    for *before, last in _alike(pattern, files):
-        if before:
-            yield Case(group, last.name.split(".")[0], tuple(before[-2:]), last)
+    for *train, last in _alike(pattern, files):
+        if train:
+            yield Case(group, last.name.split(".")[0], tuple(train[-2:]), last)
 
 
 def numbered_blocks(paths: Iterable[Path]) -> list[list[Path]]:
@@ -160,12 +162,14 @@ def numbered_blocks(paths: Iterable[Path]) -> list[list[Path]]:
     out.
     """
     matches = [(NUMBERED.fullmatch(path.name), path) for path in paths]
-    found = sorted((m["stem"], int(m["number"]), path) for m, path in matches if m)
+    numbered = sorted((m["stem"], int(m["number"]), path) for m, path in matches if m)
     blocks: list[list[Path]] = []
-    for i, (stem, number, path) in enumerate(found):
-        if not i or stem != found[i - 1][0] or number - found[i - 1][1] > 2:
+    last = ("", -math.inf)
+    for stem, number, path in numbered:
+        if stem != last[0] or number - last[1] > 2:
             blocks.append([])
         blocks[-1].append(path)
+        last = (stem, number)
     return blocks
 
 
@@ -207,30 +211,30 @@ def by_controller(
     windy: the held-out flight is in wind; else in still air.
     """
     matches = [(IN_WIND.fullmatch(path.name), path) for path in files]
-    # With the speed of the fans first [m/s], of a setting such as nowind, 35wind or 70p20sint.
-    flown = [
-        (m["track"], FULL_FANS * int(m["power"] or 0) / 100, m["wind"], m["who"], path)
-        for m, path in matches
-        if m
-    ]
-    for track, speed, wind, who, held_out in sorted(flown):
-        same = [(w, c, path) for t, _, w, c, path in flown if t == track and c != who]
-        others = [(c < who, c, path) for w, c, path in same if w == (STILL if fit_still else wind)]
-        if windy == (wind == STILL) or len(others) < 2:
-            continue
-        fitted = sorted(others)[:2]
-        names = [c for _, c, _ in fitted]
-        calm = {c: path for w, c, path in same if w == STILL and windy and not fit_still}
-        before, after = ("still", f"{wind} {who}") if fit_still else (wind, who)
-        yield Case(
-            group,
-            f"{before} {' + '.join(names)} -> {after}",
-            tuple(path for *_, path in fitted),
-            held_out,
-            tuple(calm[c] for c in names if c in calm),
-            speed,
-            second=fit_still,
-        )
+    # By track, speed of the fans [m/s] and setting, such as nowind, 35wind or 70p20sint: the flight
+    # of every controller.
+    flown: dict[tuple[str, float, str], dict[str, Path]] = {}
+    for m, path in matches:
+        if m:
+            setting = (m["track"], FULL_FANS * int(m["power"] or 0) / 100, m["wind"])
+            flown.setdefault(setting, {})[m["who"]] = path
+    for (track, speed, wind), flights in sorted(flown.items()):
+        calm = flown.get((track, 0.0, STILL), {})
+        fitted = calm if fit_still else flights
+        for who in sorted(flights if windy == (wind != STILL) else ()):
+            # The two after it, in a circle.
+            names = sorted(fitted.keys() - {who}, key=lambda name: (name < who, name))[:2]
+            before, after = ("still", f"{wind} {who}") if fit_still else (wind, who)
+            if len(names) == 2:
+                yield Case(
+                    group,
+                    f"{before} {' + '.join(names)} -> {after}",
+                    tuple(fitted[name] for name in names),
+                    flights[who],
+                    tuple(calm[n] for n in names if n in calm and windy and not fit_still),
+                    speed,
+                    second=fit_still,
+                )
 
 
 RULES: Mapping[str, Callable[..., Iterator[Case]]] = {
@@ -255,7 +259,7 @@ class Campaign:
     map: str = ""
     height: tuple[float, float] | None = None
     of_neurobem: bool = False
-    beside: Mapping[str, str] = dc.field(default_factory=dict)
+    neighbours: Mapping[str, str] = dc.field(default_factory=dict)
     before: Sequence[str] = ()
 
     def files(
@@ -268,9 +272,9 @@ class Campaign:
         """
         root = neurobem if self.of_neurobem else real
         patterns = self.before if before else self.patterns
-        found = {path for pattern in patterns for path in root.glob(pattern)} if root else ()
-        seen = (path for path in found if path.is_file() and not path.name.startswith("."))
-        return sorted(seen, key=lambda path: (path.name, path))
+        paths = {path for pattern in patterns for path in root.glob(pattern)} if root else ()
+        logs = (path for path in paths if path.is_file() and not path.name.startswith("."))
+        return sorted(logs, key=lambda path: (path.name, path))
 
     def logs(self, paths: Iterable[Path]) -> list[FlightLog]:
         """Return the flights of logs, as `open_flights`."""
@@ -286,10 +290,10 @@ class Campaign:
         if not self.map and self.nominal.input == "command":
             log_map = _commanded(path)
         flights, _ = opening.open_flights(path, self.nominal, log_map)
-        for own in (own for own in self.beside if path.name.startswith(own)):
-            other = path.with_name(self.beside[own] + path.name.removeprefix(own))
-            found, _ = opening.open_flights(other, self.nominal, log_map)
-            near = {log.name: found for log in flights}
+        for vehicle in (one for one in self.neighbours if path.name.startswith(one)):
+            other = path.with_name(self.neighbours[vehicle] + path.name.removeprefix(vehicle))
+            flown, _ = opening.open_flights(other, self.nominal, log_map)
+            near = {log.name: flown for log in flights}
             flights = with_neighbours(flights, near, self.nominal.rotor_radius)
         return flights
 
@@ -354,11 +358,11 @@ def make_cases(
         if campaign.height is not None:
             low, high = campaign.height
             files = [path for path in files if low <= exceeded_height(path) <= high]
-        found = list(campaign.rule(campaign.group, files))
-        picked = np.linspace(0, len(found) - 1, min(campaign.most, len(found))).round()
+        made = list(campaign.rule(campaign.group, files))
+        picked = np.linspace(0, len(made) - 1, min(campaign.most, len(made))).round()
         earlier = campaign.files(folder, before=True)
         for k, i in enumerate(picked.astype(int).tolist()):  # evenly from the first to the last
-            case = found[i]
+            case = made[i]
             unused = [path for path in earlier if path not in (*case.train, case.held_out)]
             two = dict.fromkeys((unused * 2)[k % max(len(unused), 1) :][:2])  # in a circle
             cases.append(dc.replace(case, before=tuple(two)))
@@ -392,7 +396,7 @@ def _commanded(path: Path) -> LogMap:
         event: tuple(name for name in names if not name.startswith("rpm."))
         for event, names in crazyflie.contents(path).items()
     }
-    found = crazyflie.default_map(contents)
-    if found is None or not found.thrust or not found.torque:
+    log_map = crazyflie.default_map(contents)
+    if log_map is None or not log_map.thrust or not log_map.torque:
         raise LogError(f"{path}: must hold the commanded thrust and torque (ctrlLee); it does not.")
-    return found
+    return log_map

@@ -10,6 +10,8 @@ from typing import Annotated, Any
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
+from sklearn.linear_model import Ridge
+from sklearn.preprocessing import StandardScaler
 from typer import Option
 
 from diagrams.batch.run import Report, Run, every_result, require
@@ -66,36 +68,21 @@ def sampled_flight(
         f"got {log.step:.4g} s and {t[-1]:.3g} s.",
     )
     # row of time t belongs to the sample that ends its step
-    bins = np.ceil(t / STEP - 1e-6).astype(int)
+    samples = np.ceil(t / STEP - 1e-6).astype(int)
     last = np.searchsorted(t, STEP * np.arange(count) + 1e-6 * STEP, side="right") - 1
-    chi = _means(raw_labels(log, vehicle), bins, count)
-    u = _held(_means(acting_command(log, vehicle), bins, count))
+
+    def means(values: np.ndarray) -> pd.DataFrame:
+        """Return the mean of the finite rows of each sample; NaN where it has none."""
+        return pd.DataFrame(values, samples).dropna().groupby(level=0).mean().reindex(range(count))
+
+    chi = means(raw_labels(log, vehicle)).to_numpy()
+    u = means(acting_command(log, vehicle)).ffill().bfill().to_numpy()
     if label is not None:
         chi = np.where(np.isfinite(chi), labels(log, vehicle, label)[last], np.nan)
     return SampledFlight(STEP, log.x[last], u, chi, log.name)
 
 
-def _means(values: np.ndarray, bins: np.ndarray, count: int) -> np.ndarray:
-    """Return the mean of the finite rows of each bin, (count, c); NaN where it has none."""
-    good = np.isfinite(values).all(axis=1) & (bins < count)
-    size = np.bincount(bins[good], minlength=count).astype(float)
-    size[size == 0] = np.nan
-    return np.stack(
-        [np.bincount(bins[good], column[good], count) / size for column in values.T], axis=1
-    )
-
-
-def _held(values: np.ndarray) -> np.ndarray:
-    """Return rows (n, c) with those of NaN replaced by the last finite one, or the first at the
-    beginning.
-    """
-    good = np.isfinite(values).all(axis=1)
-    source = np.maximum.accumulate(np.where(good, np.arange(len(values)), 0))
-    source[source == 0] = int(np.argmax(good)) if not good[0] else 0
-    return values[source]
-
-
-# Standard deviation of noise in the features of the ridge, over their own [1]
+# Standard deviation of noise in the features of the ridge, over that of the features [1]
 NOISE = 0.1
 # Channels of chi that are forecast together, and of a sample [chi, zeta] that they are forecast
 # from: lateral force from itself and the lateral velocity, vertical force from force and velocity,
@@ -153,47 +140,37 @@ def fit_ridge(segments: list[Segment]) -> RidgeBaseline:
     weights = np.zeros((len(HORIZONS), 6, HISTORY, 12))
     constant = np.zeros((len(HORIZONS), 6, 1))
     for outputs, inputs in GROUPS:
-        features = []
+        windows = []
         goals = []
         for segment in segments:
             samples = np.hstack([segment.chi, segment.zeta])[:, inputs]
-            windows = sliding_window_view(samples, HISTORY, axis=0).transpose(0, 2, 1)
             origins = np.arange(HISTORY - 1, len(samples) - HORIZONS[-1])
-            features.append(windows[: len(origins)].reshape(len(origins), -1))
+            window = sliding_window_view(samples, HISTORY, axis=0).transpose(0, 2, 1)
+            windows.append(window[: len(origins)].reshape(len(origins), -1))
             goals.append(segment.goal[origins[:, None] + HORIZONS][..., outputs])
         goal = np.concatenate(goals)
-        W, level = _centred_ridge(np.concatenate(features), goal.reshape(len(goal), -1))
-        size = (HISTORY, len(inputs), len(HORIZONS), len(outputs))
-        chosen = np.ix_(range(len(HORIZONS)), outputs, range(HISTORY), inputs)
-        weights[chosen] = W.reshape(size).transpose(2, 3, 0, 1)
+        features = np.concatenate(windows)
+        scaler = StandardScaler().fit(features)
+        ridge = Ridge(NOISE**2 * len(goal)).fit(
+            scaler.transform(features), goal.reshape(len(goal), -1)
+        )
+        W = ridge.coef_ / scaler.scale_
+        level = ridge.intercept_ - W @ scaler.mean_
+        size = (len(HORIZONS), len(outputs), HISTORY, len(inputs))
+        weights[np.ix_(range(len(HORIZONS)), outputs, range(HISTORY), inputs)] = W.reshape(size)
         constant[:, outputs, 0] = level.reshape(len(HORIZONS), -1)
     return RidgeBaseline(np.dstack([weights.reshape(len(HORIZONS), 6, -1), constant]))
-
-
-def _centred_ridge(X: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return weights and constant of the ridge of Y on features of mean 0 and deviation 1."""
-    middle = X.mean(axis=0)
-    level = Y.mean(axis=0)
-    scale = np.maximum(X.std(axis=0), 1e-12)
-    Z = (X - middle) / scale
-    # (Z'Z + n noise² 1) W = Z'Y
-    gram = Z.T @ Z + NOISE**2 * len(Z) * np.eye(Z.shape[1])
-    W = np.linalg.solve(gram, Z.T @ (Y - level)) / scale[:, None]
-    return W, level - middle @ W
 
 
 def _segments(flights: Sequence[Opened]) -> list[Segment]:
     """Return the flights as training input: labels averaged over a step, gaps of the label bridged
     by a line.
     """
-    segments = []
-    for log, vehicle in flights:
-        flight = sampled_flight(log, vehicle)
-        k = np.arange(len(flight))
-        good = np.isfinite(flight.chi).all(axis=1)
-        chi = np.stack([np.interp(k, k[good], column[good]) for column in flight.chi.T], axis=1)
-        segments.append(Segment(chi, flight.zeta, STEP))
-    return segments
+    sampled = [sampled_flight(*flight) for flight in flights]
+    return [
+        Segment(pd.DataFrame(f.chi).interpolate(limit_direction="both").to_numpy(), f.zeta, STEP)
+        for f in sampled
+    ]
 
 
 def _paper(flights: Sequence[Opened]) -> LiftedLinearPredictor:
@@ -259,9 +236,8 @@ def square_errors(model: ResidualModel, opened: Opened, motion: str) -> dict[str
     flight = sampled_flight(*opened)
     label = model.label if isinstance(model, ReadsLabels) else None
     seen = sampled_flight(*opened, label)
-    goal = np.full((len(flight) - HISTORY, len(HORIZONS), 6), np.nan)
-    for i, h in enumerate(HORIZONS):
-        goal[: max(len(flight) - HISTORY - h, 0), i] = flight.chi[HISTORY + h :]
+    chi = pd.DataFrame(flight.chi)
+    goal = np.stack([chi.shift(-h)[HISTORY:] for h in HORIZONS], axis=1)
     there = np.isfinite(goal).all(axis=-1)
     with np.errstate(over="ignore", invalid="ignore"):
         chi_hat = flight_forecasts(model, seen, list(HORIZONS), first=HISTORY, motion=motion)
@@ -277,41 +253,44 @@ def held_out_errors(
     of the row trained on the other manoeuvres.
     """
     held_out = case["manoeuvre"]
-    learned = [own for name, some in flights.items() if name != held_out for own in some]
-    model = ROWS[case["row"]](learned)
     shown = flights[held_out]
-    return {m: {own[0].name: square_errors(model, own, m) for own in shown} for m in MOTIONS}
+    training = [flight for name in flights if name != held_out for flight in flights[name]]
+    model = ROWS[case["row"]](training)
+    return {
+        motion: {log.name: square_errors(model, (log, vehicle), motion) for log, vehicle in shown}
+        for motion in MOTIONS
+    }
 
 
-def pooled(found: Mapping[tuple[str, str], Mapping[str, Mapping]]) -> list[dict[str, Any]]:
+def pooled(errors: Mapping[tuple[str, str], Mapping[str, Mapping]]) -> list[dict[str, Any]]:
     """Return a line for every row, coming motion, kind and horizon: RMSE, its ratio to persistence
     and its interval.
 
-    found: (row, motion) -> flight -> `square_errors`.
+    errors: (row, motion) -> flight -> `square_errors`.
     Pooled: root of all flights' squared errors over those of persistence. Interval: 95 %, from
     flights drawn with replacement (bootstrap).
     """
-    flights = list(next(iter(found.values())))
+    names = list(next(iter(errors.values())))
+    square = {key: np.array([of[name]["square"] for name in names]) for key, of in errors.items()}
+    count = {key: sum(np.array(of[name]["count"]) for name in names) for key, of in errors.items()}
+    times = np.random.default_rng(0).multinomial(len(names), [1 / len(names)] * len(names), DRAWS)
+
+    def ratio(row: str, motion: str, times: np.ndarray) -> np.ndarray:
+        """Return the ratio (draws, kinds, horizons) with every flight so many times."""
+        drawn = np.tensordot(times, square[row, motion], 1)
+        return np.sqrt(drawn / np.tensordot(times, square[PERSISTENCE, motion], 1))
+
     lines = []
-    even = [1 / len(flights)] * len(flights)
-    drawn = np.random.default_rng(0).multinomial(len(flights), even, DRAWS)
-    by_motion = sorted(found.items(), key=lambda item: MOTIONS.index(item[0][1]))
-    for (row, motion), own in by_motion:
-        square, base = (
-            np.array([of[flight]["square"] for flight in flights])
-            for of in (own, found[PERSISTENCE, motion])
-        )
-        count = np.sum([own[flight]["count"] for flight in flights], axis=0)
+    for row, motion in sorted(errors, key=lambda key: MOTIONS.index(key[1])):
         with np.errstate(invalid="ignore", over="ignore"):
-            drawn_ratio = np.sqrt(np.tensordot(drawn, square, 1) / np.tensordot(drawn, base, 1))
-            interval = np.percentile(drawn_ratio, [2.5, 97.5], axis=0)
-            ratio = np.sqrt(square.sum(axis=0) / base.sum(axis=0))
-            rmse = np.sqrt(square.sum(axis=0) / count)
+            interval = np.percentile(ratio(row, motion, times), [2.5, 97.5], axis=0)
+            (once,) = ratio(row, motion, np.ones((1, len(names))))
+            rmse = np.sqrt(square[row, motion].sum(axis=0) / count[row, motion])
         lines += [
             {
                 **{"row": row, "motion": motion, "kind": kind, "horizon": h * STEP},
                 "rmse": float(rmse[k, i]),
-                "ratio": float(ratio[k, i]),
+                "ratio": float(once[k, i]),
                 "interval": interval[:, k, i].tolist(),
             }
             for k, kind in enumerate(KINDS)
@@ -340,27 +319,24 @@ def run(
     records = run.cases(
         title, "folds of a row", partial(held_out_errors, flights=flights), cases, config=config
     )
-    found: dict[tuple[str, str], dict[str, Any]] = {}
+    errors: dict[tuple[str, str], dict[str, Any]] = {}
     for case, result in zip(cases, every_result(records), strict=True):
-        for motion, own in result.items():
-            found.setdefault((case["row"], motion), {}).update(own)
-    lines = pooled(found)
-    flown = [log.name for some in flights.values() for log, _ in some]
+        for motion, by_flight in result.items():
+            errors.setdefault((case["row"], motion), {}).update(by_flight)
+    lines = pooled(errors)
+    flown = [log.name for of in flights.values() for log, _ in of]
     frame = pd.DataFrame(lines)
     half = frame["interval"].map(lambda bounds: 0.5 * (bounds[1] - bounds[0]))
     frame["cell"] = [f"{r:.3g}±{h:.2g}" for r, h in zip(frame["ratio"], half, strict=True)]
     frame["ahead"] = frame["horizon"].map("{:.3g} s".format)
     return Report(
         [
-            made
-            for (motion, kind), own in frame.groupby(["motion", "kind"], sort=False)
-            for made in table(
+            shown
+            for (motion, kind), part in frame.groupby(["motion", "kind"], sort=False)
+            for shown in table(
                 f"{kind}: RMSE over that of persistence (± half of the 95 % interval), coming "
                 f"motion {motion}",
-                own.pivot(index="row", columns="ahead", values="cell")
-                .reindex(index=names)
-                .reset_index()
-                .to_dict("records"),
+                part.pivot(index="row", columns="ahead", values="cell").loc[names].reset_index(),
             )
         ],
         config={**config, "rows": names, "manoeuvres": list(flights), "flights": flown},
