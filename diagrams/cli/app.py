@@ -152,14 +152,14 @@ def _require_words(arguments: list[str]) -> None:
 
 def inputs_of(arguments: list[str]) -> list[Path]:
     """Return the files that are named on the command line, but for options that write."""
-    found: list[Path] = []
+    files: list[Path] = []
     for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
         name, _, value = argument.rpartition("=") if argument[:2] == "--" else ("", "", argument)
         if before in OUTPUTS or name in OUTPUTS:
             continue
         if os.path.isfile(value) or os.path.islink(value):
-            found.append(Path(value))
-    return found
+            files.append(Path(value))
+    return files
 
 
 def _line_of(error: BaseException) -> tuple[str, int]:

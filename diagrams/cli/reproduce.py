@@ -166,10 +166,10 @@ def bench(
         }
         advance(1.0, "")
     with run.counting("solvers") as on_progress:
-        found, predictions = measure.suite(recorded, progress=on_progress)
+        suites, predictions = measure.suite(recorded, progress=on_progress)
     with progress("simulator", 1.0):
         factor = measure.real_time_factor(seconds=seconds, seed=run.seed)
-    lines = [{"suite": suite, **line} for suite, of in found.items() for line in of]
+    lines = [{"suite": suite, **line} for suite, of in suites.items() for line in of]
     return Report(
         [
             tabulate("MPC solvers; to …: ratio of medians in this run; gap: median", lines, TIMES),
@@ -178,7 +178,7 @@ def bench(
         ],
         config=dc.asdict(next(iter(recorded.values()))[0].controller.mpc),
         metrics={
-            "mpc": {name: {line["name"]: line for line in of} for name, of in found.items()},
+            "mpc": {name: {line["name"]: line for line in of} for name, of in suites.items()},
             "predictions": predictions,
             "simulator": {"real_time_factor": {"closed_loop": factor}},
         },

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 from typer import Argument, Option
 
@@ -19,6 +19,7 @@ from diagrams.cli.verb import (
     Table,
     VehicleFile,
     noted,
+    option,
     progress,
     reports,
     require_once,
@@ -54,125 +55,55 @@ from np_drake.vehicle.scaling import sampling_period
 BY_AXES = {"world": PAYLOAD_FILTER, "body": MODE_DICTIONARY}
 SCENARIOS = (".yaml", ".yml")  # files that are flown
 T = TypeVar("T")
-Epochs = Annotated[
-    int | None,
-    Option(
-        "--epochs",
+LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
+
+
+@dc.dataclass(frozen=True)
+class TrainOptions:
+    """Options of `train`."""
+
+    out: Path = option("Model file (safetensors).", default=dc.MISSING, metavar="FILE")
+    logs: list[Path] = option(LOG_HELP, default=(), kind=Argument, metavar="LOG…")
+    configuration: str | None = option(
+        f"{' | '.join(CONFIGURATIONS)}, of np; payload_filter; gp | knode. Default: "
+        f"{PAYLOAD_FILTER} for logs, {MODE_DICTIONARY} for arrays.",
+        metavar="NAME",
+    )
+    epochs: int | None = option(
+        "Passes over the data; neural-lpv: gradient steps, on logs 0 by default.",
         min=1,
         max=1_000_000,
-        help="Passes, of neural-lpv gradient steps; on logs it takes none by default.",
-    ),
-]
-Step = Annotated[
-    float | None,
-    Option(
-        "--step",
+    )
+    envelope: int | None = option(
+        "Learn from N simulated flights with payloads the priors of payload_filter, or from 2 N "
+        "the network of neural-lpv.",
+        metavar="N",
+        min=1,
+        max=10_000,
+    )
+    step: float | None = option(
+        "Predictor step for flight logs [s]; default: the vehicle's, 0.02 for arms of 9 to 36 cm.",
         min=1e-4,
         max=1.0,
-        help="Predictor step for flight logs [s]; default: the vehicle's, 0.02 for arms of 9 to "
-        "36 cm.",
-    ),
-]
-LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
-Force = Annotated[
-    bool, Option("--force", help="Train though the vehicle moves in none of the logs.")
-]
+    )
+    vehicle: VehicleFile = None
+    force: bool = option(
+        "Train though the vehicle moves in none of the logs.", "--force", default=False
+    )
 
 
-@reports("train", seed=0, markdown=False, many=True, files=("out",))
-def train(
-    run: Run,
-    out: Annotated[Path, Option(metavar="FILE", help="Model file (safetensors).")],
-    logs: Annotated[list[Path] | None, Argument(metavar="LOG…", help=LOG_HELP)] = None,
-    configuration: Annotated[
-        str | None,
-        Option(
-            metavar="NAME",
-            help=f"{' | '.join(CONFIGURATIONS)}, of np; payload_filter; gp | knode. Default: "
-            f"{PAYLOAD_FILTER} for logs, {MODE_DICTIONARY} for arrays.",
-        ),
-    ] = None,
-    epochs: Epochs = None,
-    envelope: Annotated[
-        int | None,
-        Option(
-            metavar="N",
-            min=1,
-            max=10_000,
-            help="Fly N simulated payloads and learn from them: the priors of payload_filter, or "
-            "the network of neural-lpv.",
-        ),
-    ] = None,
-    step: Step = None,
-    vehicle: VehicleFile = None,
-    force: Force = False,
-) -> Report:
-    """Train a predictor; writes the model, and the loss curve as a PNG beside it."""
-    require(out.suffix == ".safetensors", f"--out: must end in .safetensors; got {out.name}.")
-    curve = out.with_suffix(".png")
-    require_outputs(out, curve, *([run.json] if run.json else []))
-    known = (PAYLOAD_FILTER, *CONFIGURATIONS, *REACTIONS)
-    require(
-        configuration in (None, *known),
-        f"--configuration: must be one of {', '.join(known)}; got {configuration}.",
-    )
-    logs = logs or []
-    require(
-        bool(logs or envelope),
-        "train: must have something to learn from; give LOG, or --envelope N.",
-    )
-    flights = open_flights(logs, vehicle)
-    if not force:
-        require_motion(flights)
-    frame = flights[0].frame if flights else "world"
-    name = configuration or BY_AXES[frame]
-    if configuration is None:
-        say(f"configuration: {name}, as the wrenches are in {frame} axes.")
-    require(
-        name in (PAYLOAD_FILTER, NEURAL_LPV) or not envelope,
-        f"--envelope: must be of {PAYLOAD_FILTER} or {NEURAL_LPV}; got {name}.",
-    )
-    require(
-        bool(logs) or step is None,
-        "--step: must be left out where --envelope alone teaches; it takes the vehicle's period.",
-    )
-    flown = flights[0].vehicle if flights else load_vehicle(vehicle) if vehicle else Vehicle()
-    step = step or sampling_period(flown)
-    start = time.perf_counter()
-    if name == PAYLOAD_FILTER:
-        learned = None
-        loss = list[float]()
-        if envelope:
-            from diagrams.training import train_on_envelope
+class Lesson(NamedTuple):
+    """What a configuration is trained on, and to which file.
 
-            learned, loss = train_on_envelope(envelope, run=run, vehicle=flown)
-        learnt = _learn_vehicle(flights, out, step=step, learned=learned, loss=loss)
-    elif name == NEURAL_LPV:
-        learnt = _learn_network(
-            flights, out, run=run, step=step, epochs=epochs, envelope=envelope, vehicle=flown
-        )
-    elif name in REACTIONS:
-        learnt = _learn_reaction(name, flights, out, step=step, seed=run.seed, epochs=epochs)
-    else:
-        learnt = _learn_lifted(name, flights, out, step=step, seed=run.seed, epochs=epochs)
-    wall = time.perf_counter() - start
-    summary = learnt.summary
-    if learnt.loss:
-        what = {
-            PAYLOAD_FILTER: ("trial [1]", "error [m]"),
-            NEURAL_LPV: ("report [1]", "loss [1]"),
-        }.get(name, ("epoch [1]", "loss [1]"))
-        axes = {"xlabel": what[0], "ylabel": what[1], "yscale": "log"}
-        panel = Panel({name: (range(1, len(learnt.loss) + 1), learnt.loss)}, axes)
-        save(panel_figure([[panel]], f"training {name}", width=6.0, height=3.5), curve)
-    return Report(
-        [(f"{summary['samples']} samples, {wall:.1f} s", learnt.columns, learnt.rows)],
-        config={"configuration": name, "step": step, "seed": run.seed, **learnt.settings},
-        metrics={"loss": learnt.loss, "wall": wall, "summary": summary},
-        lines=[f"excitation: {summary['excitation']}"] if "excitation" in summary else [],
-        notes=[f"model: {out}", *([f"loss curve: {curve}"] if learnt.loss else [])],
-        warnings=noted(read_from(flights)),
-    )
+    name: of the configuration. vehicle: of the flights. step: of the predictor [s].
+    """
+
+    run: Run
+    asked: TrainOptions
+    name: str
+    flights: Sequence[Flight]
+    vehicle: Vehicle
+    step: float
 
 
 @dc.dataclass(frozen=True)
@@ -184,115 +115,184 @@ class Learnt:
     rows: list[tuple]  # of the table
     loss: list[float] = dc.field(default_factory=list)  # after each epoch [1]
     settings: dict[str, Any] = dc.field(default_factory=dict)
+    axes: tuple[str, str] = ("epoch [1]", "loss [1]")  # of the curve of `loss`
 
 
-def _learn_vehicle(
-    flights: Sequence[Flight],
-    out: Path,
-    *,
-    step: float,
-    learned: PayloadFilterModel | None,
-    loss: list[float],
-) -> Learnt:
-    """Train a payload filter.
+@reports("train", seed=0, markdown=False, many=True, files=("out",))
+def train(run: Run, asked: TrainOptions) -> Report:
+    """Train a predictor; writes the model, and the loss curve, if any, as a PNG beside it."""
+    curve = _check_request(run, asked)
+    lesson = _lesson(run, asked)
+    name = lesson.name
+    start = time.perf_counter()
+    learnt = LEARNERS.get(name, _learn_lifted)(lesson)
+    wall = time.perf_counter() - start
+    summary = learnt.summary
+    if learnt.loss:
+        epochs = range(1, len(learnt.loss) + 1)
+        axes = {"xlabel": learnt.axes[0], "ylabel": learnt.axes[1], "yscale": "log"}
+        figure = panel_figure(
+            [[Panel({name: (epochs, learnt.loss)}, axes)]],
+            f"training {name}",
+            width=6.0,
+            height=3.5,
+        )
+        save(figure, curve)
+    return Report(
+        [(f"{summary['samples']} samples, {wall:.1f} s", learnt.columns, learnt.rows)],
+        config={"configuration": name, "step": lesson.step, "seed": run.seed, **learnt.settings},
+        metrics={"loss": learnt.loss, "wall": wall, "summary": summary},
+        lines=[f"excitation: {summary['excitation']}"] if "excitation" in summary else [],
+        notes=[f"model: {asked.out}", *([f"loss curve: {curve}"] if learnt.loss else [])],
+        warnings=noted(read_from(lesson.flights)),
+    )
 
-    Args:
-        learned: on the envelope; None: the priors of the packaged one.
-        loss: of the learning of its priors.
+
+def _check_request(run: Run, asked: TrainOptions) -> Path:
+    """Check what can be checked before a log is read, and return the file of the loss curve."""
+    out = asked.out
+    require(out.suffix == ".safetensors", f"--out: must end in .safetensors; got {out.name}.")
+    curve = out.with_suffix(".png")
+    require_outputs(out, curve, *([run.json] if run.json else []))
+    known = (PAYLOAD_FILTER, *CONFIGURATIONS, *REACTIONS)
+    require(
+        asked.configuration in (None, *known),
+        f"--configuration: must be one of {', '.join(known)}; got {asked.configuration}.",
+    )
+    require(
+        bool(asked.logs or asked.envelope),
+        "train: must have something to learn from; give LOG, or --envelope N.",
+    )
+    return curve
+
+
+def _lesson(run: Run, asked: TrainOptions) -> Lesson:
+    """Return the flights that are asked for, and what is trained on them.
+
+    Raises: ValueError: where configuration, flights and options do not go together.
     """
+    vehicle = asked.vehicle
+    flights = open_flights(asked.logs, vehicle)
+    if not asked.force:
+        require_motion(flights)
+    frame = flights[0].frame if flights else "world"
+    name = asked.configuration or BY_AXES[frame]
+    if asked.configuration is None:
+        say(f"configuration: {name}, as the wrenches are in {frame} axes.")
+    require(
+        name in (PAYLOAD_FILTER, NEURAL_LPV) or not asked.envelope,
+        f"--envelope: must be of {PAYLOAD_FILTER} or {NEURAL_LPV}; got {name}.",
+    )
+    require(
+        bool(asked.logs) or asked.step is None,
+        "--step: must be left out where --envelope alone teaches; it takes the vehicle's period.",
+    )
+    flown = flights[0].vehicle if flights else load_vehicle(vehicle) if vehicle else Vehicle()
+    return Lesson(run, asked, name, flights, flown, asked.step or sampling_period(flown))
+
+
+def _learn_vehicle(lesson: Lesson) -> Learnt:
+    """Train a payload filter: its priors on the envelope, where that is asked for, and the vehicle
+    of the flights.
+    """
+    learned = None
+    loss = list[float]()
+    if lesson.asked.envelope:
+        from diagrams.training import train_on_envelope
+
+        learned, loss = train_on_envelope(
+            lesson.asked.envelope, run=lesson.run, vehicle=lesson.vehicle
+        )
     with progress(f"training {PAYLOAD_FILTER}", 1.0) as advance:
-        if learned is not None and not flights:
-            found = learned
+        if learned is not None and not lesson.flights:
+            model = learned
         else:
-            found = train_payload_filter(
-                opened_logs(flights),
-                step=step,
+            model = train_payload_filter(
+                opened_logs(lesson.flights),
+                step=lesson.step,
                 prior=learned or PayloadFilterModel.load(FILTER_MODEL),
                 on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}"),
             )
-    found.save(out)
-    error = 100 * found.thrust_error
-    spread = 100 * found.thrust_error_deviation
-    drag = found.mass * found.drag
-    drag_spread = found.mass * found.drag_deviation
-    torque = ", ".join(f"{1e3 * c:.3g}" for c in found.speed_torque)
+    model.save(lesson.asked.out)
+    error = 100 * model.thrust_error
+    spread = 100 * model.thrust_error_deviation
+    drag = model.mass * model.drag
+    drag_spread = model.mass * model.drag_deviation
+    torque = ", ".join(f"{1e3 * c:.3g}" for c in model.speed_torque)
     rows: list[tuple] = [
         ("thrust error [%]", f"{error:.2f} ± {spread:.2f}"),
         ("drag [N·s/m]", f"{drag:.3f} ± {drag_spread:.3f}"),
-        ("hook x, y, z [mm]", ", ".join(f"{1e3 * value:.1f}" for value in found.hook)),
+        ("hook x, y, z [mm]", ", ".join(f"{1e3 * value:.1f}" for value in model.hook)),
         ("torque over velocity, roll, pitch [mN·s]", torque),
-        ("rotor lag [ms]", f"{1e3 * found.rotor_lag:.1f}"),
-        ("delay of commands [ms]", f"{1e3 * found.delay:.1f}"),
+        *_timing(model.rotor_lag, model.delay),
     ]
-    return Learnt(found.summary, ["vehicle", "found"], rows, loss)
+    axes = ("trial [1]", "error [m]")
+    return Learnt(model.summary, ["vehicle", "found"], rows, loss, axes=axes)
 
 
-def _learn_network(
-    flights: Sequence[Flight],
-    out: Path,
-    *,
-    run: Run,
-    step: float,
-    epochs: int | None,
-    envelope: int | None,
-    vehicle: Vehicle,
-) -> Learnt:
+def _timing(lag: float, delay: float) -> list[tuple]:
+    """Return the rows of the timing of an actuator [s]."""
+    return [
+        ("rotor lag [ms]", f"{1e3 * lag:.1f}"),
+        ("delay of commands [ms]", f"{1e3 * delay:.1f}"),
+    ]
+
+
+def _learn_network(lesson: Lesson) -> Learnt:
     """Train a network on the envelope, or take the packaged one, and fit it to the vehicle of the
     flights.
     """
     from diagrams.training import train_network_on_envelope
     from np_drake.residual_models.predictor_training import fitted_lpv
 
+    flights = lesson.flights
+    envelope = lesson.asked.envelope
+    epochs = lesson.asked.epochs
     loss = list[float]()
     model: Any = load_model(NP_MODEL)
     if flights:  # refuses what does not suit it, before anything is flown
         count = 0 if envelope else epochs or 0
-        with progress("training the network", 1.0) as advance:
-            model = fitted_lpv(
-                model,
-                flights,
-                step,
-                epochs=count,
-                on_epoch=lambda done, total, error: advance(done / total, f"loss {error:.4g}"),
-            )
+        fit = partial(fitted_lpv, model, flights, lesson.step, epochs=count)
+        model = behind_bar("training the network", fit)
     if envelope:
-        model, loss = train_network_on_envelope(envelope, run=run, vehicle=vehicle, epochs=epochs)
-        model = fitted_lpv(model, flights, step) if flights else model
-    save_model(model, out)
-    rows: list[tuple] = [
-        ("rotor lag [ms]", f"{1e3 * rotor_lag_of(model):.1f}"),
-        ("delay of commands [ms]", f"{1e3 * (delay_of(model) or 0.0):.1f}"),
-    ]
-    return Learnt(model.summary, ["vehicle", "found"], rows, loss)
+        model, loss = train_network_on_envelope(
+            envelope, run=lesson.run, vehicle=lesson.vehicle, epochs=epochs
+        )
+        model = fitted_lpv(model, flights, lesson.step) if flights else model
+    save_model(model, lesson.asked.out)
+    rows = _timing(rotor_lag_of(model), delay_of(model) or 0.0)
+    axes = ("report [1]", "loss [1]")
+    return Learnt(model.summary, ["vehicle", "found"], rows, loss, axes=axes)
 
 
-def _learn_reaction(
-    name: str, flights: Sequence[Flight], out: Path, *, step: float, seed: int, epochs: int | None
-) -> Learnt:
+def _learn_reaction(lesson: Lesson) -> Learnt:
     """Train a wrench as a function of the motion."""
     from np_drake.residual_models.predictor_training import train_motion_model
 
-    settings: dict[str, Any] = {"seed": seed} | (
-        {"epochs": epochs} if name == KNODE and epochs else {}
-    )
-    learn = partial(train_motion_model, name, flights, step=step, **settings)
+    name = lesson.name
+    settings: dict[str, Any] = {"seed": lesson.run.seed}
+    if name == KNODE and lesson.asked.epochs:
+        settings["epochs"] = lesson.asked.epochs
+    learn = partial(train_motion_model, name, lesson.flights, step=lesson.step, **settings)
     model, loss = behind_bar(f"training {name}", learn)
-    model.save(out)
+    model.save(lesson.asked.out)
     rmse = ", ".join(f"{value:.4g}" for value in model.summary["label_rmse"])
     rows: list[tuple] = [("against the labels, RMSE [N, N·m]", rmse)]
     return Learnt(model.summary, ["model", name], rows, loss, settings)
 
 
-def _learn_lifted(
-    name: str, flights: Sequence[Flight], out: Path, *, step: float, seed: int, epochs: int | None
-) -> Learnt:
+def _learn_lifted(lesson: Lesson) -> Learnt:
     """Train a lifted linear system."""
     from np_drake.lifting.training.train import make_config
     from np_drake.residual_models.predictor_training import train_on_flights
 
-    config = make_config(name, frame=flights[0].frame, seed=seed, epochs=epochs)
-    result = behind_bar(f"training {name}", partial(train_on_flights, flights, config, step=step))
-    save_model(result.model, out)
+    flights = lesson.flights
+    config = make_config(
+        lesson.name, frame=flights[0].frame, seed=lesson.run.seed, epochs=lesson.asked.epochs
+    )
+    learn = partial(train_on_flights, flights, config, step=lesson.step)
+    result = behind_bar(f"training {lesson.name}", learn)
+    save_model(result.model, lesson.asked.out)
     summary = result.model.summary
     lag = rotor_lag_of(result.model)
     if lag > 0:
@@ -304,6 +304,13 @@ def _learn_lifted(
     by_block = loss if isinstance(loss, dict) else {"total": loss}
     rows: list[tuple] = [(block, float(value)) for block, value in by_block.items()]
     return Learnt(summary, ["block", "loss [1]"], rows, result.loss, dc.asdict(config))
+
+
+LEARNERS: dict[str, Callable[[Lesson], Learnt]] = {
+    PAYLOAD_FILTER: _learn_vehicle,
+    NEURAL_LPV: _learn_network,
+    **dict.fromkeys(REACTIONS, _learn_reaction),
+}  # by configuration; the others are lifted linear systems
 
 
 def behind_bar(description: str, learn: Callable[..., T]) -> T:
@@ -333,21 +340,21 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
             inputs.append(read_wrenches(path))
         else:
             inputs.append(opening.read_as_logged(path))
-    opened = [found for found in inputs if isinstance(found, opening.Opened)]
+    opened = [source for source in inputs if isinstance(source, opening.Opened)]
     logs = iter(opening.with_vehicle(opened, vehicle))
     flights = list[Flight]()
-    for path, found in zip(paths, inputs, strict=True):
-        if isinstance(found, opening.Opened):
+    for path, source in zip(paths, inputs, strict=True):
+        if isinstance(source, opening.Opened):
             log = next(logs)
-            own = vehicle or log.vehicle or Vehicle()
+            stated = vehicle or log.vehicle or Vehicle()
             for data in map(with_accelerations, map(require_torque, log.flights)):
-                flights.append(Flight(data, own))
-        elif isinstance(found, WrenchSequence):
-            flights.append(Flight(found, vehicle or published_vehicle()))
+                flights.append(Flight(data, stated))
+        elif isinstance(source, WrenchSequence):
+            flights.append(Flight(source, vehicle or published_vehicle()))
         else:
-            (flown,) = fly_all([found], 0, [])
-            say(f"{path}: flown for {found.end:g} s with {found.controller.name}, seed 0.")
-            flights.append(Flight(flown.log(), found.vehicle))
+            (flown,) = fly_all([source], 0, [])
+            say(f"{path}: flown for {source.end:g} s with {source.controller.name}, seed 0.")
+            flights.append(Flight(flown.log(), source.vehicle))
     if vehicle is None and flights:
         used = sorted({f"{flight.vehicle.name}, {flight.vehicle.mass:g} kg" for flight in flights})
         say(f"vehicle: {'; '.join(used)}, as no --vehicle was given.")
@@ -424,14 +431,14 @@ def tables(rows: list[dict[str, Any]], zeta: str) -> list[Table]:
 
     frame = pd.DataFrame([row for row in rows if row["zeta"] == zeta])
     header = ["ahead", *(f"{h:.4g} s" for h in sorted(set(frame["horizon"])))]
-    found = []
-    for flight, own in frame.groupby("flight", sort=False):
-        own = own.sort_values("horizon", kind="stable")
+    result = []
+    for flight, scores in frame.groupby("flight", sort=False):
+        scores = scores.sort_values("horizon", kind="stable")
         for kind, unit in (("force", "N"), ("torque", "N·m")):
-            figures = zip(own[f"{kind}_rmse"], own[f"{kind}_skill"], strict=True)
+            figures = zip(scores[f"{kind}_rmse"], scores[f"{kind}_skill"], strict=True)
             cells = pd.Series([f"{number(rmse)} ({skill:.2f})" for rmse, skill in figures])
-            lines = cells.groupby(own["model"].to_numpy(), sort=False)
+            lines = cells.groupby(scores["model"].to_numpy(), sort=False)
             what = f"{kind} RMSE [{unit}] (skill: below 1 beats all naive)"
             title = f"{flight}: {what}, coming motion {zeta}"
-            found.append((title, header, [(model, *of) for model, of in lines]))
-    return found
+            result.append((title, header, [(model, *of) for model, of in lines]))
+    return result

@@ -21,10 +21,12 @@ from diagrams.cli.verb import (
     Run,
     Verbs,
     Wheelbase,
+    option,
     print_table,
     reports,
     require_outputs,
     say,
+    with_options,
 )
 from np_drake.files.file_access import is_regular, lock_outputs, write_text
 from np_drake.files.number_text import percent
@@ -38,74 +40,66 @@ from np_drake.vehicle.text import vehicle_rows, vehicle_text
 from np_drake.vehicle.vehicle import load_vehicle, preset_names, vehicle_file
 
 NAMES = ("sdf", "mujoco")  # of diagrams.exports.formats.FORMATS, which is imported late
+MEASURES = ("mass", "wheelbase", "propeller", "hover_throttle", "order")  # that a new one needs
+CHANGEABLE = ("name", "mass", "mass_uncertainty", "thrust_uncertainty")  # fields of a preset
 vehicle = Verbs(help="Vehicle files: new, list, show.", add_completion=False)
 
 
+@dc.dataclass(frozen=True)
+class NewOptions:
+    """Options of `vehicle new`."""
+
+    mass: float | None = option("Mass with battery, without payload [kg].")
+    wheelbase: Wheelbase = None
+    propeller: Propeller = None
+    hover_throttle: float | None = option("Throttle in hover, 0 to 1.")
+    throttle_curve: str = option(
+        "Thrust over throttle: quadratic (throttle is rotor speed) | linear.",
+        default="quadratic",
+        metavar="CURVE",
+    )
+    order: Order = None
+    props: Props = None
+    mass_uncertainty: float | None = option(
+        "Standard deviation of the mass over the mass; default: 0.01, or the preset's [1]."
+    )
+    thrust_uncertainty: float | None = option(
+        "Standard deviation of thrust over thrust; default: 0.4, or the preset's [1]."
+    )
+    preset: str | None = option(
+        "Begin with this vehicle of `vehicle list`, or this file.", metavar="VEHICLE"
+    )
+    name: str | None = option("Name of the vehicle; default: mine, or the preset's.")
+    out: Path | None = option("Vehicle file to write; default: print it.", metavar="FILE")
+
+
 @vehicle.command("new")
-def new(
-    mass: Annotated[float | None, Option(help="Mass with battery, without payload [kg].")] = None,
-    wheelbase: Wheelbase = None,
-    propeller: Propeller = None,
-    hover_throttle: Annotated[float | None, Option(help="Throttle in hover, 0 to 1.")] = None,
-    throttle_curve: Annotated[
-        str,
-        Option(
-            metavar="CURVE",
-            help="Thrust over throttle: quadratic (throttle is rotor speed) | linear.",
-        ),
-    ] = "quadratic",
-    order: Order = None,
-    props: Props = None,
-    mass_uncertainty: Annotated[
-        float | None,
-        Option(
-            help="Standard deviation of the mass over the mass; default: 0.01, or the preset's [1]."
-        ),
-    ] = None,
-    thrust_uncertainty: Annotated[
-        float | None,
-        Option(help="Standard deviation of thrust over thrust; default: 0.4, or the preset's [1]."),
-    ] = None,
-    preset: Annotated[
-        str | None,
-        Option(metavar="VEHICLE", help="Begin with this vehicle of `vehicle list`, or this file."),
-    ] = None,
-    name: Annotated[
-        str | None, Option(help="Name of the vehicle; default: mine, or the preset's.")
-    ] = None,
-    out: Annotated[
-        Path | None, Option(metavar="FILE", help="Vehicle file to write; default: print it.")
-    ] = None,
-) -> None:
+@with_options
+def new(asked: NewOptions) -> None:
     """Write a commented vehicle file from four measures; or a copy of a preset, with --mass of
     another mass.
 
     The file states how well mass and thrust are known, which a diagnosis takes into account.
     """
-    uncertain = {"mass_uncertainty": mass_uncertainty, "thrust_uncertainty": thrust_uncertainty}
-    stated: dict[str, Any] = {key: sd for key, sd in uncertain.items() if sd is not None}
-    measures = {
-        "--mass": mass,
-        "--wheelbase": wheelbase,
-        "--propeller": propeller,
-        "--hover-throttle": hover_throttle,
-        "--order": order,
-    }
-    if preset is not None:
-        measures |= {"--mass": None, "--props": props}
-        given = [option for option, value in measures.items() if value is not None]
+    given = {name: value for name, value in vars(asked).items() if value is not None}
+    stated = {name: given[name] for name in CHANGEABLE if name in given}
+    if asked.preset is not None:
+        others = [_flag(name) for name in (*MEASURES, "props") if name in {*given} - {*stated}]
         require(
-            not given,
-            f"--preset: goes with --mass, --name and uncertainties alone; got {', '.join(given)}.",
+            not others,
+            f"--preset: goes with --mass, --name and uncertainties alone; got {', '.join(others)}.",
         )
-        text = _copy_of(preset, {"name": name, "mass": mass, **stated})
+        text = _copy_of(asked.preset, stated)
     else:
-        if missing := [option for option, value in measures.items() if value is None]:
-            which = f" {'|'.join(FIRMWARE)} (whose logs you have)" if order is None else ""
+        if missing := [_flag(name) for name in MEASURES if name not in given]:
+            which = f" {'|'.join(FIRMWARE)} (whose logs you have)" if asked.order is None else ""
             raise ValueError(f"give {', '.join(missing)}{which} as well, or --preset NAME.")
-        values: Any = (mass, wheelbase, propeller, hover_throttle, throttle_curve, order)
-        stated["props"] = props or "in"
-        text = vehicle_text(estimate(Measured(*values, **stated), name or "mine"), HEAD)
+        fields = {field.name for field in dc.fields(Measured)}
+        measured = Measured(
+            curve=asked.throttle_curve, **{name: given[name] for name in fields & {*given}}
+        )
+        text = vehicle_text(estimate(measured, asked.name or "mine"), HEAD)
+    out = asked.out
     if out is None:
         say(text.rstrip("\n"))
         return
@@ -113,6 +107,11 @@ def new(
     with lock_outputs([], [out] if is_regular(out) else []):
         write_text(out, text)
     say(f"vehicle file: {out}")
+
+
+def _flag(name: str) -> str:
+    """Return the option of a field."""
+    return f"--{name.replace('_', '-')}"
 
 
 @vehicle.command("list")
@@ -149,17 +148,17 @@ def show(
 
 
 def _copy_of(preset: str, changed: Mapping[str, Any]) -> str:
-    """Return the file of a preset with other values by field, None for its own; the inertia stays.
+    """Return the file of a preset with other values by field; the inertia stays.
 
     Raises: ValueError: if there is no such preset, it cannot carry that mass, or an uncertainty is
         impossible.
     """
     known = load_vehicle(preset)
-    given = {field: value for field, value in changed.items() if value is not None}
-    sources = known.sources | dict.fromkeys(given, "given")
-    if "mass" in given:
+    sources = known.sources | dict.fromkeys(changed, "given")
+    if "mass" in changed:
         sources["mass"] = f"given; that of {known.name} is {known.mass:g} kg"
-    copy = dc.replace(known, **given, sources=sources, intervals=without(known.intervals, *given))
+    intervals = without(known.intervals, *changed)
+    copy = dc.replace(known, **changed, sources=sources, intervals=intervals)
     lines = vehicle_file(preset).read_text(encoding="utf-8").splitlines()
     head = itertools.takewhile(lambda line: line.startswith("#"), lines)
     return vehicle_text(copy.check(), "\n".join(head))
@@ -207,10 +206,8 @@ def export(
         str,
         Argument(
             metavar="FILE",
-            help=(
-                "Scenario as corrected.yaml of a diagnosis, vehicle file, or a name of "
-                "`np-drake vehicle list`."
-            ),
+            help="Scenario as corrected.yaml of a diagnosis, vehicle file, or a name of "
+            "`np-drake vehicle list`.",
         ),
     ],
     to: Annotated[str, Option("--format", metavar="FORMAT", help=f"{' | '.join(NAMES)}.")],
@@ -263,5 +260,5 @@ def read_corrected(file: str) -> tuple[Vehicle, list[Any]]:
             f"{effect.identifier}: begins at {onset:g} s in the scenario, and acts from "
             f"the start here."
         )
-    every = config.reality.everything()
-    return config.vehicle, [*in_flight(config.vehicle, others=every), *every]
+    effects = config.reality.everything()
+    return config.vehicle, [*in_flight(config.vehicle, others=effects), *effects]

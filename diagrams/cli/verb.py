@@ -4,9 +4,10 @@ files, runs the body, writes and prints its report.
     @reports("reproduce", seed=1000, out=OUT)
     def verb(run: Run, spacing: ... = 1) -> Report: ...
 
-adds `--seed`, `--out`, `--json` and `--markdown` behind the verb's own options. `many=True` adds
+adds `--seed`, `--out`, `--json` and `--markdown` behind the options of the verb. `many=True` adds
 `--jobs` and `--scheduler`, by which the cases of `run.cases(…)` are worked on, and prints their
-processor time at the end.
+processor time at the end. A last parameter `asked`, a dataclass, stands for an option a field
+(`option`).
 
 Only the command line prints. Files appear whole or not at all (`np_drake.files.file_access`).
 """
@@ -122,6 +123,49 @@ class Verbs(typer.Typer):
         return super().command(name, **({"context_settings": HELP} | settings))
 
 
+def option(help: str, *names: str, default: Any = None, kind: Any = Option, **settings: Any) -> Any:
+    """Return a field of a dataclass that is an option of a verb.
+
+    Args:
+        names: as `--log`; none: the field's.
+        default: `dataclasses.MISSING` for an option that must be given.
+        kind: `Argument` for a word without a name.
+        settings: of `typer.Option`.
+    """
+    return dc.field(default=default, metadata={"option": kind(*names, help=help, **settings)})
+
+
+def with_options(body: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the body with the fields of its last parameter as keyword arguments, where that is
+    called `asked`, a dataclass of options.
+    """
+    *first, last = inspect.signature(body, eval_str=True).parameters.values()
+    record: Any = last.annotation
+    if last.name != "asked":
+        return body
+
+    @functools.wraps(body)
+    def filled(*run: Run, **given: Any) -> Any:
+        return body(*run, record(**given))
+
+    options = [*first]
+    parameters = inspect.signature(record, eval_str=True).parameters
+    for field in dc.fields(record):
+        parameter = parameters[field.name]
+        kind = field.metadata.get("option")  # None: the annotation holds it
+        what = Annotated[parameter.annotation, kind] if kind else parameter.annotation
+        options.append(parameter.replace(annotation=what))
+    return signed(filled, options)
+
+
+def signed(verb: Callable[..., Any], parameters: Sequence[inspect.Parameter]) -> Any:
+    """Return the function with these parameters, from which typer reads its options."""
+    keywords = [p if p.name == "run" else p.replace(kind=p.KEYWORD_ONLY) for p in parameters]
+    verb.__signature__ = inspect.Signature(keywords)  # type: ignore[attr-defined]
+    verb.__annotations__ = {parameter.name: parameter.annotation for parameter in keywords}
+    return verb
+
+
 def reports(
     schema: str,
     *,
@@ -133,7 +177,7 @@ def reports(
     files: Sequence[str] = (),
     folders: Sequence[str] = (),
 ) -> Callable[[Callable[..., Report]], Callable[..., None]]:
-    """Return a decorator that makes a verb of a body `(run, own options) -> Report`.
+    """Return a decorator that makes a verb of a body `(run, options) -> Report`.
 
     Args:
         schema: name in the head of the `--json` file.
@@ -158,7 +202,9 @@ def reports(
     wanted = {"jobs": many, "scheduler": many, "out": bool(out), "markdown": markdown}
     shared = {name: kind for name, kind in kinds.items() if wanted.get(name, True)}
 
-    def decorate(body: Callable[..., Report]) -> Callable[..., None]:
+    def decorate(function: Callable[..., Report]) -> Callable[..., None]:
+        body = with_options(function)
+
         @functools.wraps(body)
         def verb(**given: Any) -> None:
             end_in_order()  # what is loaded from here on is given up like any work
@@ -170,8 +216,8 @@ def reports(
             require_outputs(*pages.values(), *written, folders=kept)
             cases = None if out_folder is None else out_folder / CASES
             workers = Workers(asked.get("jobs", 1), asked.get("scheduler", ""), cases).check()
-            held = lock_outputs(kept, [path for path in written if is_regular(path)])
-            with tempfile.TemporaryDirectory() as scratch, held:
+            locks = lock_outputs(kept, [path for path in written if is_regular(path)])
+            with tempfile.TemporaryDirectory() as scratch, locks:
                 paths = (out_folder, asked["json"], Path(scratch))
                 with _removed_at_failure(None if many else out_folder):
                     report = body(Run(asked["seed"], *paths, workers, progress), **given)
@@ -188,17 +234,14 @@ def reports(
                 if report.failure is not None:
                     raise report.failure
 
-        _, *own = inspect.signature(body, eval_str=True).parameters.values()
+        _, *options = inspect.signature(body, eval_str=True).parameters.values()
         added = [
             inspect.Parameter(
                 name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind
             )
             for name, (kind, default) in shared.items()
         ]
-        parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own] + added
-        verb.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        verb.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        return verb
+        return signed(verb, [*options, *added])
 
     return decorate
 
@@ -347,8 +390,8 @@ def require_once(logs: Sequence[Path]) -> None:
 
     Raises: ValueError: where one is.
     """
-    whole = [path.resolve() for path in logs]
-    if twice := [path for path in logs if whole.count(path.resolve()) > 1]:
+    resolved = [path.resolve() for path in logs]
+    if twice := [path for path in logs if resolved.count(path.resolve()) > 1]:
         raise ValueError(f"{twice[0]}: must be given once; got it twice.")
 
 

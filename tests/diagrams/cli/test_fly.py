@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagrams.cli.fly import scenarios
+from diagrams.cli.fly import FlyOptions, scenarios
 from diagrams.cli.main import run
 from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from np_drake.logs.opening import open_flights
@@ -35,12 +35,12 @@ def test_a_flight_leaves_log_figures_replay_and_metrics(kind, tmp_path, capsys):
 
 
 def test_a_field_of_the_scenario_counts_for_the_controller_that_flies(tmp_path):
-    (config,) = scenarios("circle", [], fields=["controller.kind=cascade"])
+    (config,) = scenarios(FlyOptions("circle", fields=["controller.kind=cascade"]))
     assert config.controller.kind == "cascade"
     (tmp_path / "own.py").write_text("def Own(vehicle, stiffness): return None\n")
     own = f"{tmp_path}/own.py:Own"
     with pytest.raises(ValueError, match=r"Own: must make a Drake system"):
-        scenarios("circle", [own], fields=["controller.parameters.stiffness=4"])
+        scenarios(FlyOptions("circle", [own], fields=["controller.parameters.stiffness=4"]))
 
 
 def test_a_scenario_is_changed_field_by_field(tmp_path, capsys):
@@ -60,13 +60,14 @@ def test_a_scenario_is_changed_field_by_field(tmp_path, capsys):
 
 def test_the_controller_and_the_solver_are_the_scenarios_or_the_defaults(tmp_path):
     (tmp_path / "mine.yaml").write_text("controller: {kind: hold, solver: ipopt}\n")
-    (mine,), (circle,) = scenarios(str(tmp_path / "mine.yaml"), []), scenarios("circle", [])
+    files = (str(tmp_path / "mine.yaml"), "circle")
+    (mine,), (circle,) = (scenarios(FlyOptions(file)) for file in files)
     assert (mine.controller.kind, mine.controller.solver) == ("hold", "ipopt")
     assert (circle.controller.kind, circle.controller.solver) == ("payload_filter", "sqp")
 
 
 def test_the_stretch_of_another_payloads_cable_is_the_same():
-    (config,), (other,) = scenarios("circle", []), scenarios("circle", [], payload=0.05)
+    (config,), (other,) = (scenarios(FlyOptions("circle", payload=m)) for m in (None, 0.05))
     masses = [c.reality.payload.mass / c.reality.payload.stiffness for c in (config, other)]
     assert masses[0] == pytest.approx(masses[1])
 
@@ -76,9 +77,9 @@ def test_the_payload_of_a_corrected_simulator_changes_too(tmp_path):
         "reality:\n  payload: {tether: none}\n  effects:\n"
         "  - {effect: suspended_payload, parameters: {mass: 0.2, length: 0.9}}\n"
     )
-    (config,) = scenarios("circle", [], reality=tmp_path / "c.yaml", payload=0.1)
+    (config,) = scenarios(FlyOptions("circle", reality=tmp_path / "c.yaml", payload=0.1))
     assert (config.reality.hung.mass, config.reality.hung.length) == (0.1, 0.9)
-    (bare,) = scenarios("circle", [], reality=tmp_path / "c.yaml", payload=0.0)
+    (bare,) = scenarios(FlyOptions("circle", reality=tmp_path / "c.yaml", payload=0.0))
     assert bare.reality.hung.tether == "none"
 
 
@@ -201,8 +202,8 @@ def test_a_model_file_that_no_controller_can_fly_is_refused_by_name():
     for own, other in (("np", "payload_filter"), ("payload_filter", "np")):
         refused = rf"is for {own}; {other} cannot fly it. Name --controller {own}\.$"
         with pytest.raises(ValueError, match=refused):
-            scenarios("circle", [other], predictor=PACKAGED[own])
-        (config,) = scenarios("circle", [], predictor=PACKAGED[own])
+            scenarios(FlyOptions("circle", [other], predictor=PACKAGED[own]))
+        (config,) = scenarios(FlyOptions("circle", predictor=PACKAGED[own]))
         assert config.controller.kind == own
 
 
@@ -212,5 +213,5 @@ def test_a_kind_without_a_packaged_model_flies_the_file_that_is_given(tmp_path):
     MotionModel("gp", process, 0.02).save(path)
     mine.write_text("controller: {kind: gp}\n")
     for experiment, kinds in (("circle", ["gp"]), ("circle", []), (str(mine), [])):
-        (config,) = scenarios(experiment, kinds, predictor=path)
+        (config,) = scenarios(FlyOptions(experiment, kinds, predictor=path))
         assert (config.controller.kind, config.controller.predictor) == ("gp", str(path))

@@ -88,10 +88,10 @@ def test_a_vehicle_that_nobody_commands_holds_its_place(tmp_path, capsys):
 
 
 def test_what_a_node_waits_for_is_said_at_once_in_lines_of_80_columns(capsys):
-    from diagrams.cli.fly import _Told
+    from diagrams.cli.fly import _Messages
 
     rail = Rail(hover())
-    with _Told() as dut:
+    with _Messages() as dut:
         rail.node.tick(0.0)
         dut.show(rail.node)
         rail.autopilot.codec.odometry = lambda *_: b""

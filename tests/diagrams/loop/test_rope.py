@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from diagrams.cli.fly import scenarios
+from diagrams.cli.fly import FlyOptions, scenarios
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
@@ -52,15 +52,15 @@ def test_fields_of_the_command_line_come_before_the_check_of_the_step(tmp_path, 
     text = "reality: {payload: {rope_mass: 0.05, segments: 5}}\nsimulator: {max_step_size: 0.004}"
     path.write_text(text)
     with pytest.raises(ValueError, match=rf"r.yaml: not a scenario file: .*{STEP} must be at most"):
-        scenarios(str(path), [])
+        scenarios(FlyOptions(str(path)))
     with pytest.raises(ValueError, match=f"{STEP} must be at most"):
-        scenarios(str(path), [], fields=["reference.speed=1"])
-    (mended,) = scenarios(str(path), [], fields=[f"{STEP}=0.0001"])
+        scenarios(FlyOptions(str(path), fields=["reference.speed=1"]))
+    (mended,) = scenarios(FlyOptions(str(path), fields=[f"{STEP}=0.0001"]))
     assert mended.simulator.max_step_size == 0.0001
     with pytest.raises(ValueError, match=f"{STEP} must be at most"):
-        scenarios("circle", [], fields=["reality.payload.rope_mass=0.05", f"{STEP}=0.004"])
+        scenarios(FlyOptions("circle", fields=["reality.payload.rope_mass=0.05", f"{STEP}=0.004"]))
     assert not caplog.records
-    (slow,) = scenarios("circle", [], fields=["reality.payload.rope_mass=0.05"])
+    (slow,) = scenarios(FlyOptions("circle", fields=["reality.payload.rope_mass=0.05"]))
     assert f"{STEP} becomes {slow.simulator.max_step_size:.2g} s" in caplog.text
 
 
