@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from queue import Empty, SimpleQueue
 from threading import Thread
-from types import FrameType, SimpleNamespace
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -78,21 +78,16 @@ def make_companion_diagram(config: FlightConfig) -> Diagram:
         f"{config.name}: controller.mpc.command must be rates beside an autopilot; got rotors.",
     )
     builder = DiagramBuilder()
-    wires = {
-        name: builder.AddNamedSystem(name, PassThrough(size))
-        for name, size in (("x", 13), ("acceleration", 6), ("in_force", 4))
-    }
-    for name, wire in wires.items():
-        builder.ExportInput(wire.get_input_port(), name)
-    sensors: Any = SimpleNamespace(GetOutputPort=lambda name: wires[name].get_output_port())
-    ports = add_controller(
-        builder,
-        config.controller,
-        config.vehicle,
-        config.motion,
-        sensors,
-        in_force=sensors.GetOutputPort("in_force"),
-    )
+    wires = DiagramBuilder()
+    sizes = {"x": 13, "acceleration": 6, "in_force": 4}
+    for name, size in sizes.items():
+        wire = wires.AddNamedSystem(name, PassThrough(size))
+        wires.ExportInput(wire.get_input_port(), name)
+        wires.ExportOutput(wire.get_output_port(), name)
+    sensors = builder.AddNamedSystem("sensors", wires.Build())
+    for name in sizes:
+        builder.ExportInput(sensors.GetInputPort(name), name)
+    ports = add_controller(builder, config.controller, config.vehicle, config.motion, sensors)
     for name, port in ports.items():
         builder.ExportOutput(port, name)
     companion = builder.Build()

@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
@@ -18,6 +18,7 @@ from diagrams.loop.own_controller import (
     load_factory,
     make_own_controller,
 )
+from diagrams.loop.reality import REAL_VEHICLE
 from np_drake.command_delay import DelayFilter
 from np_drake.labels import LabelConfig, ReadsLabels, labelled
 from np_drake.lifting.model.lifted_model import load_model
@@ -53,17 +54,36 @@ def connect(builder: DiagramBuilder, source: System, target: System, *names: str
         builder.Connect(source.GetOutputPort(name), target.GetInputPort(name))
 
 
+class Loop(NamedTuple):
+    """What a controller is made of.
+
+    vehicle: that it assumes. sensors: has the measured `x`, `acceleration` and `rotor_speed`.
+    """
+
+    builder: DiagramBuilder
+    config: ControllerConfig
+    vehicle: Vehicle
+    reference: Reference
+    sensors: System
+
+    def add(self, name: str, system: Any) -> Any:
+        """Add a system by its name, and return it."""
+        return self.builder.AddNamedSystem(name, system)
+
+    def connect(self, source: System, target: System, *names: str) -> None:
+        """Connect ports by their names."""
+        connect(self.builder, source, target, *names)
+
+
 def add_controller(
     builder: DiagramBuilder,
     config: ControllerConfig,
     vehicle: Vehicle,
     reference: Reference,
-    rig: System,
+    sensors: System,
     *,
-    truth: tuple[System, TrueModel] | None = None,
-    model: ResidualModel | None = None,
+    model: ResidualModel | TrueModel | None = None,
     factory: Factory | None = None,
-    in_force: OutputPort | None = None,
 ) -> dict[str, OutputPort]:
     """Add reference source, estimator, predictor and MPC, and return their vector ports by signal
     name.
@@ -71,112 +91,121 @@ def add_controller(
     Args:
         vehicle: nominal vehicle.
         reference: motion to follow.
-        rig: has the measured `x`, `acceleration` and `rotor_speed`.
-        truth: for the oracle alone, the real vehicle and what the nominal one leaves out.
-        model: used in place of the one that `config` names.
+        sensors: has the measured `x`, `acceleration` and `rotor_speed`, and `in_force` where an
+            autopilot tells the collective thrust and the body rates that it follows; else it
+            follows those of the MPC.
+        model: used in place of the one that `config` names; an oracle needs what the nominal
+            vehicle leaves out, and the real one as `REAL_VEHICLE` in the diagram.
         factory: makes a controller in the place of the one that `config` names.
-        in_force: collective thrust and body rates that an autopilot follows; None: those of the
-            MPC.
     Raises: ValueError: if an oracle lacks the real vehicle, or a controller of one's own does not
         fit.
     """
-    believed = config.believed(vehicle)
+    loop = Loop(builder, config, config.believed(vehicle), reference, sensors)
     if factory is not None or is_own(config.kind):
-        return _add_own(
-            builder, factory or load_factory(config.kind), config, believed, reference, rig
-        )
+        return _add_users(loop, factory or load_factory(config.kind))
     if config.kind == "cascade":
-        return _add_cascade(builder, believed, reference, rig, period=config.period)
-    period = config.period
-    rates = config.mpc.command == "rates"
-    model = model or make_residual_model(config, believed)
+        return _add_cascade(loop)
+    require(
+        config.kind != "oracle" or model is not None,
+        "controller: the oracle needs the real vehicle; there is none here.",
+    )
+    truth = model if isinstance(model, TrueModel) else None
+    residual = None if isinstance(model, TrueModel) else model
+    return _add_mpc(loop, residual or make_residual_model(config, loop.vehicle), truth)
+
+
+def _add_mpc(
+    loop: Loop, model: ResidualModel | None, truth: TrueModel | None
+) -> dict[str, OutputPort]:
+    """Add the MPC with a residual model, or with the oracle where `truth` is given."""
+    builder, config, believed, _, sensors = loop
     label = model.label if isinstance(model, ReadsLabels) else config.label
     source, estimator = _add_source_and_estimator(
-        builder, config, labelled(believed, model), reference, rig, label, config.mpc.horizon
+        loop, labelled(believed, model), label, config.mpc.horizon
     )
-    is_oracle = config.kind == "oracle" and model is None
-    along_plan = is_oracle or isinstance(model, ReadsPlan)
+    along_plan = truth is not None or isinstance(model, ReadsPlan)
     # A forecast along the planned inputs holds what the rotors' lag makes of them.
     planned = dc.replace(believed, rotor_time_constant=0.0) if along_plan else believed
-    solver = make_solver(
-        config.solver, planned, config.mpc, time_limit=SOLVER_SHARE * config.deadline
-    )
-    control = MpcController(planned, config.mpc, solver, period=period, deadline=config.deadline)
-    mpc = builder.AddNamedSystem("np_mpc", NpMpc(control))
-    connect(builder, rig, mpc, "x")
-    connect(builder, source, mpc, "flat")
+    mpc = _add_solver(loop, planned)
+    loop.connect(source, mpc, "flat")
     ports = {name: mpc.GetOutputPort(name) for name in ("u", "status", "solve_time")}
-    ports |= {
-        "label": estimator.GetOutputPort("last_label"),
-        "p_ref": source.GetOutputPort("position"),
-    }
-    if rates:
+    ports["label"] = estimator.GetOutputPort("last_label")
+    ports["p_ref"] = source.GetOutputPort("position")
+    if config.mpc.command == "rates":
         ports["rates_thrust"] = mpc.GetOutputPort("rates_thrust")
-        ports["u"] = _add_rate_loop(builder, believed, rig, in_force or ports["rates_thrust"])
+        reports = sensors.HasOutputPort("in_force")
+        followed = sensors.GetOutputPort("in_force") if reports else ports["rates_thrust"]
+        ports["u"] = _add_rate_loop(loop, followed)
     acting = ports["u"]
-    timing = _delay_filter(config, believed, model, truth[1] if is_oracle and truth else None)
+    timing = _delay_filter(config, believed, model, truth)
     delay = None
     if timing is not None:
-        delay = builder.AddNamedSystem("delay_estimator", DelayEstimator(timing))
-        connect(builder, rig, delay, "x", "acceleration")
+        delay = loop.add("delay_estimator", DelayEstimator(timing))
+        loop.connect(sensors, delay, "x", "acceleration")
         builder.Connect(acting, delay.GetInputPort("u"))
-        ports["delay"], acting = delay.GetOutputPort("delay"), delay.GetOutputPort("acting")
+        ports["delay"] = delay.GetOutputPort("delay")
+        acting = delay.GetOutputPort("acting")
         builder.Connect(ports["delay"], source.GetInputPort("lead"))
     builder.Connect(acting, estimator.GetInputPort("u"))
     predictor: System | None = None
-    if is_oracle:
-        predictor = _add_oracle(builder, config, truth, rig, is_delayed=delay is not None)
+    if truth is not None:
+        predictor = _add_oracle(loop, truth, is_delayed=delay is not None)
     elif model is not None or delay is not None:
-        model = model or Constant(np.zeros(6), step=period, name="nominal")
-        predictor = _add_predictor(builder, config, model, planned if delay else None)
-        connect(builder, rig, predictor, "x")
-        connect(builder, estimator, predictor, "label")
+        predictor = _add_predictor(loop, model, planned if delay else None)
+        loop.connect(estimator, predictor, "label")
         builder.Connect(acting, predictor.GetInputPort("u"))
         ports["chi_hat"] = predictor.GetOutputPort("chi_hat")
     if predictor is not None:
-        connect(builder, predictor, mpc, "forecast")
+        loop.connect(predictor, mpc, "forecast")
         if along_plan:
-            connect(builder, mpc, predictor, "plan_u", "plan_x")
+            loop.connect(mpc, predictor, "plan_u", "plan_x")
         if delay is not None:
-            connect(builder, delay, predictor, "sent", "delay")
+            loop.connect(delay, predictor, "sent", "delay")
     return ports
 
 
-def _add_oracle(
-    builder: DiagramBuilder,
-    config: ControllerConfig,
-    truth: tuple[System, TrueModel] | None,
-    rig: System,
-    *,
-    is_delayed: bool,
-) -> System:
+def _add_solver(loop: Loop, vehicle: Vehicle) -> NpMpc:
+    """Add the MPC, which plans for a vehicle."""
+    config = loop.config
+    solver = make_solver(
+        config.solver, vehicle, config.mpc, time_limit=SOLVER_SHARE * config.deadline
+    )
+    control = MpcController(
+        vehicle, config.mpc, solver, period=config.period, deadline=config.deadline
+    )
+    mpc = loop.add("np_mpc", NpMpc(control))
+    loop.connect(loop.sensors, mpc, "x")
+    return mpc
+
+
+def _add_oracle(loop: Loop, truth: TrueModel, *, is_delayed: bool) -> System:
     """Add what knows the wrench to come.
 
     Args:
         is_delayed: whether commands act late, so that it needs the measured state.
-    Raises: ValueError: without the real vehicle.
     """
-    if truth is None:
-        raise ValueError("controller: the oracle needs the real vehicle; there is none here.")
-    oracle = WrenchOracle(truth[1], config.mpc, period=config.period)
-    builder.AddNamedSystem("oracle", oracle)
-    connect(builder, truth[0], oracle, "plant_state", "rotor_thrust")
+    config = loop.config
+    oracle = loop.add("oracle", WrenchOracle(truth, config.mpc, period=config.period))
+    real = loop.builder.GetSubsystemByName(REAL_VEHICLE)
+    loop.connect(real, oracle, "plant_state", "rotor_thrust")
     if is_delayed:
-        connect(builder, rig, oracle, "x")
+        loop.connect(loop.sensors, oracle, "x")
     return oracle
 
 
-def _add_predictor(
-    builder: DiagramBuilder, config: ControllerConfig, model: ResidualModel, vehicle: Vehicle | None
-) -> System:
-    """Add the LeafSystem of a residual model.
+def _add_predictor(loop: Loop, model: ResidualModel | None, vehicle: Vehicle | None) -> System:
+    """Add the LeafSystem of a residual model, which is zero where there is none.
 
     Args:
         vehicle: that a forecast along a plan assumes; None: commands act at once.
     """
+    config = loop.config
     kind: Any = NeuralPredictor if isinstance(model, LiftedLinearPredictor) else ResidualPredictor
-    predictor = kind(model, horizon=config.mpc.horizon, stride=config.stride, vehicle=vehicle)
-    return builder.AddNamedSystem("predictor", predictor)
+    model = model or Constant(np.zeros(6), step=config.period, name="nominal")
+    system = kind(model, horizon=config.mpc.horizon, stride=config.stride, vehicle=vehicle)
+    predictor = loop.add("predictor", system)
+    loop.connect(loop.sensors, predictor, "x")
+    return predictor
 
 
 def _delay_filter(
@@ -187,27 +216,21 @@ def _delay_filter(
     The oracle knows the delay by its `truth`. Others are given it, or have learned it (`delay` of
     the model); whoever has learned one follows it.
     """
-    own = getattr(model, "delay", None)
+    learned = getattr(model, "delay", None)
     known = config.command_delay
-    track = config.track_delay or own is not None
-    if config.kind == "oracle" and model is None:
-        known = truth.delay if truth is not None else 0.0
+    track = config.track_delay or learned is not None
+    if truth is not None:
+        known = truth.delay
         track = False
-    elif own is not None:
-        known = known or own
+    elif learned is not None:
+        known = known or learned
     if known == 0.0 and not track:
         return None
     return DelayFilter(labelled(vehicle, model), step=config.period, known=known, track=track)
 
 
 def _add_source_and_estimator(
-    builder: DiagramBuilder,
-    config: ControllerConfig,
-    vehicle: Vehicle,
-    reference: Reference,
-    rig: System,
-    label: LabelConfig,
-    horizon: int,
+    loop: Loop, vehicle: Vehicle, label: LabelConfig, horizon: int
 ) -> tuple[ReferenceSource, WrenchEstimator]:
     """Add the source of the reference and the estimator of wrenches, which still lacks its command.
 
@@ -215,83 +238,75 @@ def _add_source_and_estimator(
         vehicle: that the estimator assumes.
         horizon: MPC steps of the reference beyond now.
     """
-    source = ReferenceSource(reference, horizon=horizon, step=config.mpc.step)
-    estimator = WrenchEstimator(vehicle, label, step=config.period)
-    builder.AddNamedSystem("reference", source)
-    builder.AddNamedSystem("wrench_estimator", estimator)
-    connect(builder, rig, estimator, "x", "acceleration")
+    config = loop.config
+    source = ReferenceSource(loop.reference, horizon=horizon, step=config.mpc.step)
+    loop.add("reference", source)
+    estimator = loop.add("wrench_estimator", WrenchEstimator(vehicle, label, step=config.period))
+    loop.connect(loop.sensors, estimator, "x", "acceleration")
     return source, estimator
 
 
-def _add_rate_loop(
-    builder: DiagramBuilder, vehicle: Vehicle, rig: System, rates_thrust: OutputPort
-) -> OutputPort:
+def _add_rate_loop(loop: Loop, rates_thrust: OutputPort) -> OutputPort:
     """Add the rate loop that the controller assumes; return thrust and torque that it commands."""
-    loop = builder.AddNamedSystem("believed_rate_loop", RateLoopTorque(vehicle))
-    builder.Connect(rates_thrust, loop.GetInputPort("rates_thrust"))
-    connect(builder, rig, loop, "x")
-    return loop.get_output_port()
+    rate_loop = loop.add("believed_rate_loop", RateLoopTorque(loop.vehicle))
+    loop.builder.Connect(rates_thrust, rate_loop.GetInputPort("rates_thrust"))
+    loop.connect(loop.sensors, rate_loop, "x")
+    return rate_loop.get_output_port()
 
 
-def _add_cascade(
-    builder: DiagramBuilder, vehicle: Vehicle, reference: Reference, rig: System, *, period: float
-) -> dict[str, OutputPort]:
-    """Add reference source and cascaded controller, which runs twice a `period` [s]; nothing is
-    solved or predicted.
+def _add_cascade(loop: Loop) -> dict[str, OutputPort]:
+    """Add reference source and cascaded controller, which runs twice a period; nothing is solved or
+    predicted.
     """
-    source = builder.AddNamedSystem("reference", ReferenceSource(reference, horizon=0, step=period))
-    target = builder.AddNamedSystem("target", FlatTarget(vehicle))
-    cascade = builder.AddNamedSystem("cascade", CascadedController(vehicle, period=0.5 * period))
+    builder, config, vehicle, reference, sensors = loop
+    source = loop.add("reference", ReferenceSource(reference, horizon=0, step=config.period))
+    target = loop.add("target", FlatTarget(vehicle))
+    cascade = loop.add("cascade", CascadedController(vehicle, period=0.5 * config.period))
     builder.Connect(source.GetOutputPort("flat"), target.get_input_port())
     builder.Connect(target.get_output_port(), cascade.GetInputPort("target"))
-    connect(builder, rig, cascade, "x")
-    zero = builder.AddNamedSystem("nothing_solved", ConstantVectorSource([0.0])).get_output_port()
-    ports = {"u": cascade.GetOutputPort("u"), "status": zero, "solve_time": zero}
+    loop.connect(sensors, cascade, "x")
+    ports = {"u": cascade.GetOutputPort("u"), **_nothing_solved(loop)}
     return {**ports, "p_ref": source.GetOutputPort("position")}
 
 
-def _add_own(
-    builder: DiagramBuilder,
-    factory: Factory,
-    config: ControllerConfig,
-    vehicle: Vehicle,
-    reference: Reference,
-    rig: System,
-) -> dict[str, OutputPort]:
+def _nothing_solved(loop: Loop) -> dict[str, OutputPort]:
+    """Add status and time of a solve for a controller that has none."""
+    zero = loop.add("nothing_solved", ConstantVectorSource([0.0])).get_output_port()
+    return {"status": zero, "solve_time": zero}
+
+
+def _add_users(loop: Loop, factory: Factory) -> dict[str, OutputPort]:
     """Add a controller of the user's own with reference source and estimator of wrenches.
 
     A command that feeds through is read at multiples of `config.period`, and held.
     """
-    command = "rates_thrust" if config.mpc.command == "rates" else "u"
+    builder, config, vehicle, reference, sensors = loop
+    name = "rates_thrust" if config.mpc.command == "rates" else "u"
     offered = {"vehicle": vehicle, "reference": reference, "period": config.period}
-    controller = make_own_controller(factory, config.parameters, command, **offered)
-    builder.AddNamedSystem("own_controller", controller)
-    inputs = [name for name in INPUTS if controller.HasInputPort(name)]
+    controller = make_own_controller(factory, config.parameters, name, **offered)
+    loop.add("own_controller", controller)
+    inputs = [port for port in INPUTS if controller.HasInputPort(port)]
     size = controller.GetInputPort("flat").size() if "flat" in inputs else INPUTS["flat"]
     source, estimator = _add_source_and_estimator(
-        builder, config, vehicle, reference, rig, config.label, size // INPUTS["flat"] - 1
+        loop, vehicle, config.label, size // INPUTS["flat"] - 1
     )
-    u = own = controller.GetOutputPort(command)
-    if controller.HasDirectFeedthrough(own.get_index()):
-        hold = ZeroOrderHold(config.period, OUTPUTS[command], _AFTER)
-        builder.AddNamedSystem("held_command", hold)
-        builder.Connect(own, hold.get_input_port())
-        u = own = hold.get_output_port()
-    if command == "rates_thrust":
-        u = _add_rate_loop(builder, vehicle, rig, own)
+    command = controller.GetOutputPort(name)
+    if controller.HasDirectFeedthrough(command.get_index()):
+        hold = loop.add("held_command", ZeroOrderHold(config.period, OUTPUTS[name], _AFTER))
+        builder.Connect(command, hold.get_input_port())
+        command = hold.get_output_port()
+    u = _add_rate_loop(loop, command) if name == "rates_thrust" else command
     builder.Connect(u, estimator.GetInputPort("u"))
     label = estimator.GetOutputPort("last_label")
-    for name in inputs:
-        read = source if name == "flat" else rig
-        port = label if name == "label" else read.GetOutputPort(name)
-        builder.Connect(port, controller.GetInputPort(name))
-    zero = builder.AddNamedSystem("nothing_solved", ConstantVectorSource([0.0])).get_output_port()
-    given = {n: controller.GetOutputPort(n) for n in OUTPUTS if controller.HasOutputPort(n)}
+    for port in inputs:
+        measured = source if port == "flat" else sensors
+        signal = label if port == "label" else measured.GetOutputPort(port)
+        builder.Connect(signal, controller.GetInputPort(port))
+    outputs = {n: controller.GetOutputPort(n) for n in OUTPUTS if controller.HasOutputPort(n)}
     return {
-        "status": zero,
-        "solve_time": zero,
-        **given,
-        command: own,
+        **_nothing_solved(loop),
+        **outputs,
+        name: command,
         "u": u,
         "label": label,
         "p_ref": source.GetOutputPort("position"),
@@ -341,19 +356,19 @@ def _observer(config: ControllerConfig, vehicle: Vehicle) -> DisturbanceObserver
 
 
 def _neural_predictor(config: ControllerConfig, vehicle: Vehicle) -> LiftedLinearPredictor:
-    found = LiftedLinearPredictor.of(load_model(config.predictor or NP_MODEL))
-    _require_fit(found.model, found.step, config, vehicle, found.label)
-    return found
+    predictor = LiftedLinearPredictor.of(load_model(config.predictor or NP_MODEL))
+    _require_fit(predictor.model, predictor.step, config, vehicle, predictor.label)
+    return predictor
 
 
 def _payload_filter(config: ControllerConfig, vehicle: Vehicle) -> PayloadFilter:
     """Return the filter with the lag of the vehicle file, as its labels have it, or that of its
     training.
     """
-    found = PayloadFilter.load(config.predictor or FILTER_MODEL)
-    _require_fit(found.model, found.step, config, vehicle, found.label)
-    lag = vehicle.rotor_time_constant or found.rotor_lag
-    return PayloadFilter(dc.replace(found.model, rotor_lag=lag))
+    predictor = PayloadFilter.load(config.predictor or FILTER_MODEL)
+    _require_fit(predictor.model, predictor.step, config, vehicle, predictor.label)
+    lag = vehicle.rotor_time_constant or predictor.rotor_lag
+    return PayloadFilter(dc.replace(predictor.model, rotor_lag=lag))
 
 
 def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> motion_model.MotionModel:

@@ -57,7 +57,7 @@ def make_flight_diagram(config: FlightConfig, *, controller: Factory | None = No
         config.vehicle,
         config.motion,
         rig,
-        truth=(vehicle, config.true_model()),
+        model=config.true_model() if config.controller.kind == "oracle" else None,
         factory=controller,
     )
     driven = signals["u"]
