@@ -31,6 +31,10 @@ class PayloadConfig:
     rope_air_damping: float = number(0.0, "1/s", 0.0)  # of the cable itself, as `air_damping`
     segments: int = number(10, "1", 1, 100)  # point masses of a cable that has mass
 
+    def __post_init__(self) -> None:
+        """Raises: ValueError: as `check`."""
+        self.check()
+
     def check(self) -> "PayloadConfig":
         """Return self after checking tether and sizes.
 

@@ -3,6 +3,7 @@
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
+from np_drake.checks import require
 from np_drake.references.base import Reference
 
 
@@ -28,10 +29,16 @@ class ReferenceSource(LeafSystem):
         reference: motion.
         horizon: N [1].
         step: between samples [s].
+    Raises: ValueError: on an impossible horizon or step.
     """
 
     def __init__(self, reference: Reference, *, horizon: int, step: float):
         super().__init__()
+        require(
+            horizon >= 1 and 0 < step < np.inf,
+            "ReferenceSource: horizon must be 1 or more and step positive [s]; "
+            f"got {horizon!r}, {step!r}.",
+        )
         self._reference = reference
         self._times = step * np.arange(horizon + 1)
         self._lead_port = self.DeclareVectorInputPort("lead", 1)

@@ -7,6 +7,7 @@ mass, measurement.
 """
 
 import dataclasses as dc
+import math
 import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -15,6 +16,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from np_drake import attitude
+from np_drake.checks import require
 from np_drake.files.number_text import departure_unit, measure
 from np_drake.flight_log import Neighbour
 from np_drake.rigid_body import Q, V
@@ -172,6 +174,16 @@ class Effect:
         super().__init_subclass__(**given)
         if "identifier" not in vars(cls):
             cls.identifier = re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
+
+    def __post_init__(self) -> None:
+        """Raises: ValueError: if a parameter is not a finite number."""
+        for p in self.parameters:
+            value = getattr(self, p.name)
+            require(
+                isinstance(value, float | int | np.number) and math.isfinite(value),
+                f"{type(self).__name__}: {p.name} must be a finite number [{p.unit}]; "
+                f"got {value!r}.",
+            )
 
     @property
     def values(self) -> dict[str, float]:

@@ -23,6 +23,10 @@ class DisturbanceConfig:
     torque_time: list[float] = number([1.0, 1.0, 1.0], "s", POSITIVE)  # correlation times
     seed: int = 0  # of the draw
 
+    def __post_init__(self) -> None:
+        """Raises: ValueError: as `check`."""
+        self.check()
+
     def check(self) -> "DisturbanceConfig":
         """Return self after checking all values; ValueError on no deviation or no time."""
         check_fields(self, "disturbance")

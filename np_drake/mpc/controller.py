@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 
+from np_drake.checks import require
 from np_drake.mpc.dynamics import Actuation
 from np_drake.mpc.problem import (
     MpcConfig,
@@ -43,6 +44,7 @@ class MpcController:
         vehicle: parameters that the controller assumes.   period: time between solves [s].
         deadline: a solve that takes longer [s] is discarded as late; inf accepts every answer, so
             that a simulation does not depend on the machine it runs on.
+    Raises: ValueError: on an impossible configuration, period or deadline.
     """
 
     def __init__(
@@ -54,6 +56,11 @@ class MpcController:
         period: float = 0.02,
         deadline: float = np.inf,
     ):
+        require(
+            0 < period < np.inf and deadline > 0,
+            "MpcController: period and deadline must be positive [s]; "
+            f"got {period!r}, {deadline!r}.",
+        )
         self.vehicle = vehicle
         self.config = config.check()
         self.solver = solver

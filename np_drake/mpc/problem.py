@@ -49,6 +49,10 @@ class MpcConfig:
     # exact L1 penalty on each violated set
     slack_weight: float = number(1000.0, "1 per unit of the set", POSITIVE)
 
+    def __post_init__(self) -> None:
+        """Raises: ValueError: as `check`."""
+        self.check()
+
     def check(self) -> "MpcConfig":
         """Return self after checking weights, sets and horizon.
 

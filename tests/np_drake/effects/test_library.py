@@ -125,3 +125,9 @@ def test_level_axes_of_a_drag_are_alike_and_others_are_uncorrelated(effect):
     np.testing.assert_allclose(root @ root.T, effect.prior_correlation, rtol=1e-12)
     assert (root @ root.T)[0, 1] > 0.9 > (root @ root.T)[0, 2] > 0
     np.testing.assert_array_equal(correlation_root(GyroBias), np.eye(3))
+
+
+@pytest.mark.parametrize("value", ["a", np.nan, np.inf, None])
+def test_an_effect_refuses_a_parameter_that_is_no_finite_number(value):
+    with pytest.raises(ValueError, match=r"LinearDrag: d_y must be a finite number \[N·s/m\]; got"):
+        LinearDrag(d_y=value)
