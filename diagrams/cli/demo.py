@@ -56,7 +56,7 @@ def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
             "meeting": result.meeting(),
             "wall": wall,
         },
-        lines=[f"trained on {trained['samples']} samples"],
+        lines=[f"fitted to {trained['samples']} samples"],
         write=write,
     )
 

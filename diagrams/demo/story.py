@@ -106,8 +106,8 @@ def run_demo(
 ) -> Demo:
     """Run all steps; those that do not depend on each other run side by side.
 
-    The nominal MPC flies the training circle (noise of `seed`), on which both predictors are
-    trained. Nominal MPC, hold, NP-MPC and the MPC with the payload filter fly both tracks (seed +
+    The nominal MPC flies the training circle (noise of `seed`), to which both predictors are
+    fitted. Nominal MPC, hold, NP-MPC and the MPC with the payload filter fly both tracks (seed +
     1). The flights of the nominal MPC are diagnosed: training circle and circle to fit, the
     lemniscate to judge. Nominal and corrected simulator fly the lemniscate (seed + 2). Writes the
     models into `folder`.
