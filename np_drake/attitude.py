@@ -13,7 +13,8 @@ def _vector(*components) -> np.ndarray:
     """Stack components on the last axis, the inverse of `_components`."""
     if isinstance(components[0], float):
         return np.array(components)
-    out = np.empty((*np.shape(components[0]), len(components)))
+    shape = (*np.shape(components[0]), len(components))
+    out = np.empty(shape, np.result_type(components[0], float))  # or object: symbols of CasADi
     for i, component in enumerate(components):
         out[..., i] = component
     return out

@@ -7,6 +7,7 @@ Only ratios compare across runs. The problems are recorded on the lemniscate.
 import ctypes
 import importlib.util
 import logging
+import math
 import os
 import shutil
 import sys
@@ -23,6 +24,7 @@ from diagrams.evidence.studies.sweep import Row, configure
 from diagrams.loop.controllers import make_residual_model
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator, recorded
+from np_drake import attitude
 from np_drake.checks import require
 from np_drake.labels import LabelFilter, labelled
 from np_drake.mpc.condensed import Condensed, Trajectory, initial_trajectory
@@ -41,6 +43,7 @@ from np_drake.mpc.problem import (
 from np_drake.mpc.sqp import SqpSolver, as_solution
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.residual_model import Sample, WrenchForecast
+from np_drake.rigid_body import STATE_SIZE, Q, state_derivative, zeta
 from np_drake.vehicle import Vehicle
 
 _BLOCK = 20  # problems that a solver takes in a row [1]
@@ -135,14 +138,19 @@ def _best_cost(
 def _report(
     name: str, seconds: np.ndarray, answers: list[MpcSolution | None], best: np.ndarray
 ) -> dict:
-    given = [(a, b) for a, b in zip(answers, best, strict=True) if a is not None]
-    gaps = np.array([(a.cost - b) / max(abs(b), 1e-6) for a, b in given] or [np.nan])
+    """Return the line of a solver."""
+    answered = [answer for answer in answers if answer]
+    optima = best[[answer is not None for answer in answers]]
+    gaps = (np.array([answer.cost for answer in answered]) - optima) / np.fmax(abs(optima), 1e-6)
     return {
-        **{"name": name, "problems": len(answers), **_times(seconds)},
-        "failures": len(answers) - len(given),
-        "fallbacks": sum(a.status >= MpcStatus.SQP_FALLBACK for a, _ in given),
-        **{"gap_median": float(np.median(gaps)), "gap_max": float(gaps.max())},
-        "violation_max": float(max((a.violation for a, _ in given), default=np.nan)),
+        "name": name,
+        "problems": len(answers),
+        **_times(seconds),
+        "failures": len(answers) - len(answered),
+        "fallbacks": sum(answer.status >= MpcStatus.SQP_FALLBACK for answer in answered),
+        "gap_median": float(np.median(gaps)) if answered else np.nan,
+        "gap_max": float(max(gaps, default=np.nan)),
+        "violation_max": float(max((answer.violation for answer in answered), default=np.nan)),
     }
 
 
@@ -151,9 +159,8 @@ Flown = tuple[FlightConfig, Sequence[MpcProblem], dict[str, np.ndarray]]  # with
 
 def _times(seconds: np.ndarray) -> dict[str, float]:
     """Return median, 95 % and 99 % quantiles and the largest of times (n,) [ms]."""
-    ms = 1e3 * seconds
-    tails = {f"p{q}_ms": float(np.percentile(ms, q)) for q in (95, 99)}
-    return {"median_ms": float(np.median(ms)), **tails, "max_ms": float(ms.max())}
+    quantiles = {"median_ms": 50, "p95_ms": 95, "p99_ms": 99, "max_ms": 100}
+    return {name: float(np.percentile(1e3 * seconds, q)) for name, q in quantiles.items()}
 
 
 def suite(
@@ -246,9 +253,12 @@ FOLDER = "NP_DRAKE_ACADOS"  # environment variable: folder that holds the packag
 _LIBRARIES = ("blasfeo", "hpipm", "qpOASES_e", "acados")  # each needs those before it
 _COLD_STEPS = 8  # iterations after a cold start, as `SqpSolver` takes at most [1]
 _OPTIONS = {
-    **{"integrator_type": "DISCRETE", "nlp_solver_type": "SQP_RTI"},
-    **{"hessian_approx": "GAUSS_NEWTON", "qp_solver": "PARTIAL_CONDENSING_HPIPM"},
-    **{"hpipm_mode": "SPEED", "qp_solver_iter_max": 50},
+    "integrator_type": "DISCRETE",
+    "nlp_solver_type": "SQP_RTI",
+    "hessian_approx": "GAUSS_NEWTON",
+    "qp_solver": "PARTIAL_CONDENSING_HPIPM",
+    "hpipm_mode": "SPEED",
+    "qp_solver_iter_max": 50,
     "ext_fun_compile_flags": "-O2 -march=native",
 }
 _FAR = 100.0  # bound that no soft row reaches, for rows with one side [1, m]
@@ -265,11 +275,11 @@ class AcadosSolver:
         x+ = RK4(x, mixer T, C z + offset; step),
         z+ = A z + B zeta
 
-    Parameters of a stage: A, B, C (column by column), offset (6,); of the end: P (column by
-    column), x_ref_N (13,). acados scales the cost of a stage by its time step; the dynamics are
-    discrete, so every time step is 1 and nothing is scaled. One difference from problem (nmpc):
-    acados has a slack for every soft row, not one for every kind of set, with the same price s + s²
-    / 10 each; where no set is left, both have the same optimum.
+    Parameters of a stage: A, B, C (row by row), offset (6,); of the end: P, x_ref_N (13,). acados
+    scales the cost of a stage by its time step; the dynamics are discrete, so every time step is 1
+    and nothing is scaled. One difference from problem (nmpc): acados has a slack for every soft
+    row, not one for every kind of set, with the same price s + s² / 10 each; where no set is left,
+    both have the same optimum.
 
     `comma-deps-acados` brings a slim `casadi`, which overwrites an installed one. So acados may
     stand in a separate folder (`pip install --no-deps --target DIR comma-deps-acados`) that
@@ -357,14 +367,18 @@ def _hand_over(program: Any, h: Horizon, t: Trajectory, f: WrenchForecast) -> No
     n = len(t.T)
     dims = program.acados_ocp.dims
     y_ref = np.pad(np.hstack([h.x_ref[:-1], h.u_ref]), ((0, 0), (0, dims.ny - 17)))
+
+    def parameters(*parts: np.ndarray) -> np.ndarray:
+        return np.resize(np.concatenate([part.ravel() for part in parts]), dims.np)
+
     program.reset()  # slacks and multipliers of the last solve
-    program.set(n, "x", x[n])
     for i in range(n):
-        stage = np.concatenate([*(M.ravel(order="F") for M in (f.A, f.B, f.C)), f.offset[i]])
-        for name, value in (("x", x[i]), ("u", t.T[i]), ("p", np.resize(stage, dims.np))):
-            program.set(i, name, value)
+        program.set(i, "x", x[i])
+        program.set(i, "u", t.T[i])
+        program.set(i, "p", parameters(f.A, f.B, f.C, f.offset[i]))
         program.cost_set(i, "yref", y_ref[i])
-    program.set(n, "p", np.resize(np.concatenate([h.P.ravel(order="F"), h.x_ref[-1]]), dims.np))
+    program.set(n, "x", x[n])
+    program.set(n, "p", parameters(h.P, h.x_ref[-1]))
     program.cost_set(n, "yref", h.x_ref[-1])
     program.cost_set(n, "W", 2 * h.P)
     for bound in ("lbx", "ubx"):
@@ -373,70 +387,53 @@ def _hand_over(program: Any, h: Horizon, t: Trajectory, f: WrenchForecast) -> No
 
 def make_ocp(template: Any, vehicle: Vehicle, config: MpcConfig, K: int) -> Any:
     """Return the `AcadosOcp` of the problem; `template` is the module `acados_template`."""
-    import casadi as ca
-
     ocp = template.AcadosOcp()
-    N = config.horizon
-    size = 13 + K
-    count = max(K * K + 12 * K + 6, 182)
-    state = ca.SX.sym("state", size)
-    T = ca.SX.sym("T", 4)
-    p = ca.SX.sym("p", count)
-    ends = K * K + 12 * K
-    b = K * K + 6 * K
-    A = ca.reshape(p[: K * K], K, K)
-    B = ca.reshape(p[K * K : b], K, 6)
-    C = ca.reshape(p[b:ends], 6, K)
-    forecast = A, B, C, p[ends : ends + 6]
-    x = state[:13]
-    z = state[13:]
-    u = ca.DM(vehicle.mixer) @ T
-    x_next, z_next, chi = _stage(ca, vehicle, config.step, x, z, u, forecast)
-    e = x - p[169:182]
-    P = ca.reshape(p[:169], 13, 13)
-    far = ca.sqrt(ca.bilin(P, e, e) / P[0, 0] + Objective(config).softening)
+    size = STATE_SIZE + K
     swing = [config.weight_swing] * 2 if config.weight_swing > 0 else []
-    y = ca.vertcat(x, u, *([chi[:2]] if swing else []))  # half its squares and those of x_N cost
-    W = 2 * np.diag([*config.Q, *config.R, *swing])
-    y_ref = np.zeros(17 + len(swing))
-    upright = x[3] ** 2 - x[4] ** 2 - x[5] ** 2 + x[6] ** 2  # the cosine of the tilt
-    speed = np.full(3, config.max_speed)
-    cosine = np.cos(config.max_tilt)
-    _fill(
-        ocp.model,
-        **{"name": f"np_drake_{K}_{id(ocp)}", "x": state, "u": T, "p": p},
-        **{"disc_dyn_expr": ca.vertcat(x_next, z_next), "cost_y_expr": y, "cost_y_expr_0": y},
-        **{"con_h_expr": upright, "con_h_expr_e": ca.vertcat(upright, far)},
-    )
+    expressions = _expressions(vehicle, config, K, foresees=bool(swing))
+    _fill(ocp.model, name=f"np_drake_{K}_{id(ocp)}", **expressions)
+    # The first stage takes the costs of the others.
     _fill(
         ocp.cost,
-        **{f"cost_type{end}": "NONLINEAR_LS" for end in ("", "_0")},
-        **{"W": W, "W_0": W, "yref": y_ref, "yref_0": y_ref, "cost_type_e": "LINEAR_LS"},
-        **{"W_e": np.eye(13), "yref_e": np.zeros(13), "Vx_e": np.eye(13, size)},
+        cost_type="NONLINEAR_LS",
+        W=2 * np.diag([*config.Q, *config.R, *swing]),
+        yref=np.zeros(17 + len(swing)),
+        cost_type_e="LINEAR_LS",
+        W_e=np.eye(STATE_SIZE),
+        yref_e=np.zeros(STATE_SIZE),
+        Vx_e=np.eye(STATE_SIZE, size),
     )
     # The hard thrust box and the soft rows: three velocities and tilt a stage, the ellipsoid at the
     # end.
     thrust = np.full(4, vehicle.max_rotor_thrust)
     _fill(ocp.constraints, x0=np.zeros(size), idxbu=np.arange(4), lbu=0 * thrust, ubu=thrust)
-    for end, lower, upper in (
-        ("", [cosine], [_FAR]),
-        ("_e", [cosine, -_FAR], [_FAR, config.terminal_radius]),
-    ):
-        price = np.full(3 + len(lower), config.slack_weight)
-        bounds = {"lbx": -speed, "ubx": speed, "lh": np.array(lower), "uh": np.array(upper)}
-        indices = {
-            "idxbx": np.arange(7, 10),
-            "idxsbx": np.arange(3),
-            "idxsh": np.arange(len(lower)),
-        }
-        _fill(ocp.constraints, **{name + end: value for name, value in (bounds | indices).items()})
-        for side in ("l" + end, "u" + end):
-            _fill(ocp.cost, **{f"z{side}": price, f"Z{side}": 2 * QUADRATIC * price})
-    ocp.parameter_values = np.zeros(count)
+    speed = np.full(3, config.max_speed)
+    cosine = np.cos(config.max_tilt)
+    _soften(ocp, config, "", lbx=-speed, ubx=speed, lh=[cosine], uh=[_FAR])
+    end = config.terminal_radius
+    _soften(ocp, config, "_e", lbx=-speed, ubx=speed, lh=[cosine, -_FAR], uh=[_FAR, end])
+    ocp.parameter_values = np.zeros(expressions["p"].numel())
+    N = config.horizon
     ocp.dims.N = N
     # Ten stages are condensed into one: the fastest of our settings.
     _fill(ocp.solver_options, tf=float(N), qp_solver_cond_N=max(N // 10, 1), **_OPTIONS)
     return ocp
+
+
+def _soften(ocp: Any, config: MpcConfig, end: str, *, lh: list, uh: list, **speeds: Any) -> None:
+    """Add the soft bounds of speed and of the nonlinear rows; `end` is the suffix of the stage."""
+    bounds = {
+        **speeds,
+        "lh": np.array(lh),
+        "uh": np.array(uh),
+        "idxbx": np.arange(7, 10),
+        "idxsbx": np.arange(3),
+        "idxsh": np.arange(len(lh)),
+    }
+    _fill(ocp.constraints, **{name + end: value for name, value in bounds.items()})
+    price = np.full(3 + len(lh), config.slack_weight)
+    for side in ("l", "u"):
+        _fill(ocp.cost, **{f"z{side}{end}": price, f"Z{side}{end}": 2 * QUADRATIC * price})
 
 
 def _fill(part: Any, **values: Any) -> None:
@@ -444,39 +441,63 @@ def _fill(part: Any, **values: Any) -> None:
         setattr(part, name, value)
 
 
-def _stage(ca: Any, vehicle: Vehicle, h: float, x, z, u, forecast):
-    """Return x (13,) and z (K,) of the next stage, `h` later [s], and chi (6,) of this one."""
-    A, B, C, offset = forecast
-    chi = offset + (C @ z if z.numel() else 0)
-    k1 = _derivative(ca, vehicle, x, u, chi)  # classical Runge-Kutta
-    k2 = _derivative(ca, vehicle, x + h / 2 * k1, u, chi)
-    k3 = _derivative(ca, vehicle, x + h / 2 * k2, u, chi)
-    k4 = _derivative(ca, vehicle, x + h * k3, u, chi)
-    x_next = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return x_next, A @ z + B @ x[7:13] if z.numel() else z, chi
+def _expressions(vehicle: Vehicle, config: MpcConfig, K: int, *, foresees: bool) -> dict[str, Any]:
+    """Return symbols and expressions of a stage, as `AcadosModel` names them.
+
+    Args:
+        foresees: whether the horizontal wrench is among the rows of the cost.
+    """
+    import casadi as ca
+
+    shapes = ((K, K), (K, 6), (6, K), (6,))  # of A, B, C, offset
+    ends = np.cumsum([math.prod(shape) for shape in shapes])
+    state = ca.SX.sym("state", STATE_SIZE + K)
+    T = ca.SX.sym("T", 4)
+    p = ca.SX.sym("p", max(int(ends[-1]), 182))
+    x, z = np.split(_row(state), [STATE_SIZE], axis=1)
+    (parameters,) = _row(p)
+    parts = np.split(parameters, ends)
+    A, B, C, offset = (part.reshape(shape) for part, shape in zip(parts, shapes, strict=False))
+    u = _row(T) @ vehicle.mixer.T
+    chi = offset + z @ C.T if K else offset[None]
+    x_next = _next_state(vehicle, config.step, x, u, chi)
+    z_next = z @ A.T + zeta(x) @ B.T if K else z
+    e = x[0] - parameters[169:182]
+    P = parameters[:169].reshape(STATE_SIZE, STATE_SIZE)
+    far = ca.sqrt(e @ P @ e / P[0, 0] + Objective(config).softening)
+    upright = attitude.body_z(x[:, Q])[0, 2]  # the cosine of the tilt
+    y = [*x[0], *u[0], *(chi[0, :2] if foresees else [])]  # half its squares and those of x_N cost
+    return {
+        "x": state,
+        "u": T,
+        "p": p,
+        "disc_dyn_expr": ca.vertcat(*x_next[0], *z_next[0]),
+        "cost_y_expr": ca.vertcat(*y),
+        "con_h_expr": upright,
+        "con_h_expr_e": ca.vertcat(upright, far),
+    }
 
 
-def _derivative(ca: Any, vehicle: Vehicle, state, u, chi):
-    """Return eq. (1) in CasADi's symbols."""
-    w, x, y, z = (state[3 + i] for i in range(4))
-    v = state[7:10]
-    rate = state[10:13]
-    axis = ca.vertcat(2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z)
-    J = ca.DM(vehicle.J)
-    dv = (u[0] * axis + chi[0:3]) / vehicle.mass - ca.DM([0.0, 0.0, vehicle.gravity])
-    dw = ca.DM(np.linalg.inv(vehicle.J)) @ (u[1:4] + chi[3:6] - ca.cross(rate, J @ rate))
-    a = rate[0]
-    b = rate[1]
-    c = rate[2]
-    dq = 0.5 * ca.vertcat(
-        -x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a
-    )
-    return ca.vertcat(v, dq, dv, dw)
+def _row(symbols: Any) -> np.ndarray:
+    """Return the elements of a vector of CasADi's as a row (1, n), in which NumPy calculates."""
+    row = np.empty((1, symbols.numel()), object)
+    row[0] = symbols.elements()
+    return row
+
+
+def _next_state(vehicle: Vehicle, h: float, x: Any, u: Any, chi: Any) -> Any:
+    """Return the state one step `h` later [s], by the classical Runge-Kutta."""
+    rate: Any = 0.0
+    total: Any = 0.0
+    for ahead, weight in ((0.0, 1), (h / 2, 2), (h / 2, 2), (h, 1)):
+        rate = state_derivative(vehicle, x + ahead * rate, u, chi)
+        total = total + weight * rate
+    return x + h / 6 * total
 
 
 def _lifted(forecast: WrenchForecast, x: np.ndarray) -> np.ndarray:
     """Return the lifted states (n, K) along a trajectory (n, 13)."""
     z = [forecast.z]
     for state in x[:-1]:
-        z.append(forecast.A @ z[-1] + forecast.B @ state[7:13])
+        z.append(forecast.A @ z[-1] + forecast.B @ zeta(state))
     return np.array(z)

@@ -1,6 +1,5 @@
-"""Options that several studies share: what is parsed, what `--help` says, seeds and rows."""
+"""Options that several studies share: what is parsed, what `--help` says; and cells of tables."""
 
-import dataclasses as dc
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from diagrams.batch.run import Run, Table, require
+from diagrams.batch.run import Table, require
 from np_drake.files.number_text import NOTHING
 
 DEFAULT_SOLVER = "sqp"  # of every verb that flies
@@ -61,31 +60,6 @@ def required(study: str, folder: Path | None, flights: str) -> Path:
     if folder is None:
         raise ValueError(f"{study}: give the folder of the {flights}.")
     return folder
-
-
-@dc.dataclass(frozen=True, kw_only=True)
-class FlownRun(Run):
-    """Run that flies the seeds after `seed`, which the training flight draws."""
-
-    count: int = 5
-    solver: str = DEFAULT_SOLVER
-
-    @property
-    def seeds(self) -> list[int]:
-        """Seeds of the evaluation flights."""
-        return [self.seed + 1 + k for k in range(self.count)]
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Solver and seeds, as `--json` holds them."""
-        return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.seed}
-
-    def title(self) -> str:
-        """Return the title of a table: flights, seeds, what is trained, training seed, solver."""
-        return (
-            f"{self.count} flights a row, seeds {self.seeds[0]} … {self.seeds[-1]}, "
-            f"trained on seed {self.seed}, {self.solver}"
-        )
 
 
 def chosen(option: str, names: Collection[str] | None, known: Collection[str]) -> list[str]:

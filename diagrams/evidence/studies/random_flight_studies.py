@@ -17,14 +17,21 @@ from diagrams.evidence.studies import tracking
 from diagrams.evidence.studies.options import (
     DEFAULT_SOLVER,
     Column,
-    FlownRun,
     Only,
     Solver,
     fixed,
     percent,
     tabulate,
 )
-from diagrams.evidence.studies.sweep import Row, choose_rows, fly_rows, named, tidy, training_config
+from diagrams.evidence.studies.sweep import (
+    FlownRun,
+    Row,
+    choose_rows,
+    fly_rows,
+    named,
+    tidy,
+    training_config,
+)
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight_result import fly
 from diagrams.random_flights import BEYOND, PLAIN, Envelope, drawn_flight
@@ -50,26 +57,24 @@ def flown(case: Case, row: Row, model: str, *, envelope: Envelope, solver: str) 
 
     A flight that cannot be flown as drawn has a kind of "".
     """
+    kind = ""
     try:
         kind, config = drawn_flight(case["draw"], envelope, seed=case["seed"], vehicle=Vehicle())
-    except ValueError as error:
-        return {"kind": "", "lost": str(error)}
-    config.controller.kind = row.kind
-    config.controller.solver = solver
-    config.controller.predictor = model
-    try:
+        config.controller.kind = row.kind
+        config.controller.solver = solver
+        config.controller.predictor = model
         s = fly(config.check(), seed=case["draw"]).signals
-    except FailedRun as error:
+    except (ValueError, FailedRun) as error:
         return {"kind": kind, "lost": str(error)}
     steady = s["t"] >= config.reference.lead + SETTLED
     errors = metrics.tracking_errors(s["x_true"][steady, :3], s["p_ref"][steady])
-    found = {"kind": kind, "lost": "", "E_xy": errors["E_xy"], "E_z": errors["E_z"]}
+    result = {"kind": kind, "lost": "", "E_xy": errors["E_xy"], "E_z": errors["E_z"]}
     for event in config.events:
         t = s["t"] - event.time
-        away = np.linalg.norm(s["x_true"][:, :3] - s["p_ref"], axis=1)
-        found["peak"] = float(away[(t >= 0) & (t < WATCHED)].max())
-        found["known"] = known_after(t, s["chi_hat"][:, 2])
-    return found
+        distance = np.linalg.norm(s["x_true"][:, :3] - s["p_ref"], axis=1)
+        result["peak"] = float(distance[(t >= 0) & (t < WATCHED)].max())
+        result["known"] = known_after(t, s["chi_hat"][:, 2])
+    return result
 
 
 def known_after(t: np.ndarray, f_z: np.ndarray) -> float:
@@ -82,67 +87,71 @@ def known_after(t: np.ndarray, f_z: np.ndarray) -> float:
 
 
 def _report(
-    flights: FlownRun,
+    run: FlownRun,
     name: str,
     envelope: Envelope,
     only: list[str] | None,
     table: Callable[[pd.DataFrame], list[dict[str, Any]]],
     columns: Sequence[Column],
-    said: str,
+    shown: str,
 ) -> Report:
-    """Fly the draws with each row, and return the table that is made of their lines."""
-    seed = flights.seed
-    solver = flights.solver
-    draws = flights.count
+    """Fly the draws with each row, and return the table that is made of their lines; `shown` says
+    what it holds.
+    """
     rows = choose_rows(ROWS, only, always=("np", PEER))
     settings = {
-        "solver": solver,
-        "seed": seed,
+        "solver": run.solver,
+        "seed": run.seed,
         "envelope": dc.asdict(envelope),
-        "training": settings_of(training_config(tracking.DITHERED, solver=solver)),
+        "training": settings_of(training_config(tracking.DITHERED, solver=run.solver)),
     }
-    scenarios = [{"draw": draw, "seed": seed + 1} for draw in range(draws)]
-    work = partial(flown, envelope=envelope, solver=solver)
-    _, records = fly_rows(flights, name, rows, scenarios, work, config=settings)
+    scenarios = [{"draw": draw, "seed": run.seed + 1} for draw in range(run.count)]
+    work = partial(flown, envelope=envelope, solver=run.solver)
+    _, records = fly_rows(run, name, rows, scenarios, work, config=settings)
     results(records)
-    found = tidy(records)
-    left_out = int((found["kind"] == "").sum()) // len(rows)
-    found = found[found["kind"] != ""].copy()
-    found["gone"] = (found["lost"] != "") | (found["error"] != "")
-    found["kind"] = found["kind"].fillna("failed")
-    found[["E_xy", "E_z"]] = found[["E_xy", "E_z"]].where(~found["gone"], np.inf)
-    lines = table(found)
-    title = f"{draws} draws of seed {seed + 1}, trained on seed {seed}, {solver}: {said}"
+    flights = tidy(records)
+    unflyable = int((flights["kind"] == "").sum()) // len(rows)
+    flights = flights[flights["kind"] != ""].copy()
+    flights["gone"] = (flights["lost"] != "") | (flights["error"] != "")
+    flights["kind"] = flights["kind"].fillna("failed")
+    flights.loc[flights["gone"], ["E_xy", "E_z"]] = np.inf
+    lines = table(flights)
+    title = (
+        f"{run.count} draws of seed {run.seed + 1}, trained on seed {run.seed}, {run.solver}: "
+        f"{shown}"
+    )
     return Report(
         [tabulate(title, lines, columns)],
         config=settings,
-        metrics={"table": lines, "flights": found.to_dict("records")},
+        metrics={"table": lines, "flights": flights.to_dict("records")},
         notes=[
-            f"draws that the paper's vehicle cannot fly: {left_out}",
-            *failures(flights.workers.finished),
+            f"draws that the paper's vehicle cannot fly: {unflyable}",
+            *failures(run.workers.finished),
         ],
     )
 
 
-def compared(found: pd.DataFrame) -> list[dict[str, Any]]:
+def compared(flights: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a line for every row and kind of flight, "all" among them: flights, lost ones, medians
     of the errors [m], and, against `PEER` and hold in the same draw, the median ratio of E_xy and
     the share in which it is smaller [1].
     """
-    by_row = {name: own.set_index("draw") for name, own in found.groupby("row", sort=False)}
+    errors = flights.pivot(index="draw", columns="row", values="E_xy")
     lines = []
-    for kind in ("all", *sorted(set(found["kind"]))):
-        for name, own in by_row.items():
-            own = own if kind == "all" else own[own["kind"] == kind]
+    for kind, of_kind in [("all", flights), *flights.groupby("kind")]:
+        for row, group in of_kind.groupby("row", sort=False):
             line = {
-                **{"kind": kind, "row": name, "flights": len(own), "lost": int(own["gone"].sum())},
-                **{key: float(own[key].median()) for key in ("E_xy", "E_z")},
+                "kind": kind,
+                "row": row,
+                "flights": len(group),
+                "lost": int(group["gone"].sum()),
+                **group[["E_xy", "E_z"]].median().to_dict(),
             }
-            for other in (PEER, "hold"):
-                if other in by_row and other != name:
-                    base = by_row[other]["E_xy"].reindex(own.index)
-                    line[f"{other}_ratio"] = float((own["E_xy"] / base).median())
-                    line[f"{other}_better"] = float((own["E_xy"] < base).mean())
+            mine = group.set_index("draw")["E_xy"]
+            for other in {PEER, "hold"}.intersection(errors) - {row}:
+                base = errors.loc[mine.index, other]
+                line[f"{other}_ratio"] = float((mine / base).median())
+                line[f"{other}_better"] = float((mine < base).mean())
             lines.append(line)
     return lines
 
@@ -176,20 +185,25 @@ def beyond(
     )
 
 
-def responses(found: pd.DataFrame) -> list[dict[str, Any]]:
+def responses(flights: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a line for every row: flights, lost ones, median, 95th percentile and largest of the
     time until the force is known [s] and of the error's peak [m], and the share of flights in
     which it is known within `SOON` [1].
     """
     lines = []
-    for name, own in found.groupby("row", sort=False):
-        line: dict[str, Any] = {"row": name, "flights": len(own), "lost": int(own["gone"].sum())}
+    for row, group in flights.groupby("row", sort=False):
+        line: dict[str, Any] = {
+            "row": row,
+            "flights": len(group),
+            "lost": int(group["gone"].sum()),
+            "soon": float((group["known"].astype(float) <= SOON).mean()),
+        }
         for key in ("known", "peak"):
-            values = own[key].astype(float).fillna(np.inf)
+            values = group[key].astype(float).fillna(np.inf)
             line[key] = float(values.median())
             line[f"{key}_95"] = float(np.quantile(values, 0.95, method="higher"))
             line[f"{key}_most"] = float(values.max())
-        lines.append(line | {"soon": float((own["known"].astype(float) <= SOON).mean())})
+        lines.append(line)
     return lines
 
 

@@ -19,7 +19,6 @@ from diagrams.evidence.studies.options import (
     DEFAULT_SOLVER,
     Column,
     Duration,
-    FlownRun,
     Only,
     Seeds,
     Solver,
@@ -30,6 +29,7 @@ from diagrams.evidence.studies.options import (
     tabulate,
 )
 from diagrams.evidence.studies.sweep import (
+    FlownRun,
     Row,
     choose_rows,
     configure,
@@ -112,13 +112,13 @@ def flight_config(
     """Return the circle with the values of a case, for `duration` after the ramp [s]."""
     config = configure("circle", row, solver=solver, model=model)
     reality = config.reality
-    noise = config.reality.noise
+    noise = dc.asdict(reality.noise)
     reality.payload.length = case["length"]
     if case["mass"] > 0:
         reality.payload.mass = case["mass"]
     else:
         reality.payload.tether = "none"
-    reality.noise = dc.replace(noise, **{k: case["noise"] * v for k, v in dc.asdict(noise).items()})
+    reality.noise = type(reality.noise)(**{k: case["noise"] * size for k, size in noise.items()})
     reality.wind = [case["wind"], 0.0, 0.0]
     reality.gust = GUSTS * case["wind"] + case["gust"]
     reality.gust_seed = case["seed"]
@@ -135,13 +135,10 @@ def flight_config(
 def flown(case: Case, row: Row, model: str, **how: Any) -> dict:
     """Fly a case and return its measures."""
     config = flight_config(case, row, model=model, **how)
-    why = ""
     try:
-        signals = fly(config, seed=case["seed"], tolerance=LOST).signals
+        return measures(config, fly(config, seed=case["seed"], tolerance=LOST).signals)
     except LostVehicle as error:
-        signals = error.signals
-        why = str(error)
-    return measures(config, signals, why)
+        return measures(config, error.signals, str(error))
 
 
 def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = "") -> dict:
@@ -156,27 +153,16 @@ def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = ""
         at_limit: share of these with a command at a rotor's limit [1].
     """
     t = signals["t"]
-    x = signals["x_true"]
-    near = np.linalg.norm(x[:, :3] - signals["p_ref"], axis=1) < LOST
-    far = ~near  # so that NaN is far
+    distance = np.linalg.norm(signals["x_true"][:, :3] - signals["p_ref"], axis=1)
+    far = ~(distance < LOST)  # so that NaN is far
     lost = bool(why) or bool(far.any())
     end = int(np.argmax(far)) if far.any() else len(t)
     rows = slice(0, max(end, 1))
-    steady = t >= config.reference.lead + SETTLING - 1e-9
     status = signals["status"][rows, 0]
     command = signals["u"][rows] @ config.vehicle.unmixer.T / config.vehicle.max_rotor_thrust
-    errors: dict[str, float | None] = dict.fromkeys((*ERRORS, *GROWTHS))
-    if not lost:
-        p = x[steady, :3]
-        p_ref = signals["p_ref"][steady]
-        plant = signals["plant_state"][steady]
-        errors |= {key: metrics.tracking_errors(p, p_ref)[key] for key in ERRORS}
-        errors["growth"] = metrics.error_growth(p, p_ref)
-        if plant.shape[1] >= 26:  # there is a payload
-            line = plant[:, 4:7] - plant[:, 11:14]
-            errors["swing_growth"] = metrics.error_growth(line, np.zeros_like(line))
     return {
-        **errors,
+        **dict.fromkeys((*ERRORS, *GROWTHS)),
+        **({} if lost else steady_measures(config, signals)),
         "lost_at": float(t[min(end, len(t) - 1)]) if lost else None,
         "lost": why,
         "solve_failures": int(np.sum(status >= MpcStatus.SQP_FALLBACK)),
@@ -185,80 +171,86 @@ def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = ""
     }
 
 
-Cells = dict[tuple, pd.DataFrame]  # flights of a row at a setting, one a seed
+def steady_measures(config: FlightConfig, signals: dict[str, np.ndarray]) -> dict[str, float]:
+    """Return errors [m] and growths [1] of the steady window."""
+    steady = signals["t"] >= config.reference.lead + SETTLING - 1e-9
+    p = signals["x_true"][steady, :3]
+    p_ref = signals["p_ref"][steady]
+    plant = signals["plant_state"][steady]
+    errors = metrics.tracking_errors(p, p_ref)
+    values = {key: errors[key] for key in ERRORS} | {"growth": metrics.error_growth(p, p_ref)}
+    if plant.shape[1] >= 26:  # there is a payload
+        line = plant[:, 4:7] - plant[:, 11:14]
+        values["swing_growth"] = metrics.error_growth(line, np.zeros_like(line))
+    return values
 
 
-def cells_of(flights: pd.DataFrame) -> Cells:
-    """Return the flights by (row, value of every axis), the rows in the order of `ROWS`."""
-    flights = flights.assign(gone=flights["lost_at"].notna() | (flights["error"] != ""))
-    order = {row.name: number for number, row in enumerate(ROWS)}
-    flights = flights.sort_values("row", key=lambda names: names.map(order), kind="stable")
-    return dict(list(flights.groupby(["row", *BASE], sort=False)))
+def summaries(flights: pd.DataFrame) -> pd.DataFrame:
+    """Return a line for every row and setting: row, value of every axis, and their `summary`."""
+    groups = flights.groupby(["row", *BASE], sort=False)
+    return pd.DataFrame(
+        [dict(zip(("row", *BASE), at, strict=True)) | summary(group) for at, group in groups]
+    )
 
 
-def summary(cell: pd.DataFrame) -> dict:
-    """Return means and 95 % intervals of a cell over its seeds, None where a flight is lost.
+def summary(flights: pd.DataFrame) -> dict[str, Any]:
+    """Return means and 95 % intervals over the seeds of a row in a setting, NaN where a flight is
+    lost.
 
     Returns: {"flights", "lost": lost or failed flights, "E_xy", "E_z" [m], their half intervals
         "…_ci95" (NaN of one seed), "growth", "swing_growth" [1], "spread": largest relative
         deviation of a seed's E_xy from the mean [1], "solve_failures", "at_limit" [1]}.
     """
-    lost = int(cell["gone"].sum())
-    found: dict[str, Any] = means(cell, (*ERRORS, *GROWTHS))
-    for key in (key for key in found if lost or cell[key.removesuffix("_ci95")].isna().any()):
-        found[key] = None
-    mean = found["E_xy"]
+    lost = int((flights["lost_at"].notna() | (flights["error"] != "")).sum())
+    line = means(flights, (*ERRORS, *GROWTHS))
+    if lost:
+        line = dict.fromkeys(line, np.nan)
     return {
-        **{"flights": len(cell), "lost": lost},
-        **{key: value for key, value in found.items() if not key.endswith("growth_ci95")},
-        "spread": None if mean is None else float((cell["E_xy"] / mean - 1.0).abs().max()),
-        "solve_failures": int(cell["solve_failures"].sum()),
-        "at_limit": float(cell["at_limit"].max()),
+        "flights": len(flights),
+        "lost": lost,
+        **{key: value for key, value in line.items() if not key.endswith("growth_ci95")},
+        "spread": float((flights["E_xy"].astype(float) / line["E_xy"] - 1.0).abs().max()),
+        "solve_failures": int(flights["solve_failures"].sum()),
+        "at_limit": float(flights["at_limit"].max()),
     }
 
 
-def robustness_table(cells: Cells, axes: Sequence[Axis]) -> list[dict]:
+def robustness_table(lines: pd.DataFrame, axes: Sequence[Axis]) -> list[dict]:
     """Return one line an axis and row that flew: `points`, a summary a value."""
+    points = lines.set_index(["row", *BASE]).to_dict("index")
     return [
         {
             "axis": axis.name,
             "row": row,
             "points": [
-                {"value": value, **summary(cells[row, *(BASE | {axis.name: value}).values()])}
+                {"value": value, **points[row, *(BASE | {axis.name: value}).values()]}
                 for value in axis.values
             ],
         }
-        for axis, row in itertools.product(axes, dict.fromkeys(row for row, *_ in cells))
+        for axis, row in itertools.product(axes, lines["row"].unique())
     ]
 
 
-def grid_points(cells: Cells, settings: Sequence[Setting]) -> list[dict]:
+def grid_points(lines: pd.DataFrame, settings: Sequence[Setting]) -> pd.DataFrame:
     """Return one line a row and setting of the grid; without payload, one for all tethers.
 
-    Returns: {"row", "mass" [kg], "length" [m], "speed" [m/s], the summary, "over_oracle": E_xy
-        over that of the oracle [1], None where either is lost, "near": whether it is near the
-        oracle, "grows": whether error or swing grows by more than `GROWING`}.
+    Returns: row, mass [kg], length [m], speed [m/s], the summary, over_oracle: E_xy over that of
+        the oracle [1], NaN where either is lost, near: whether it is near the oracle, None where
+        that is lost, grows: whether error or swing grows by more than `GROWING`.
     """
-    lines = []
-    for setting in settings:
-        here = tuple(setting.values())
-        found = {row: summary(cell) for (row, *at), cell in cells.items() if tuple(at) == here}
-        errors = {row: line["E_xy"] for row, line in found.items()}
-        ideal = errors.get(ORACLE)
-        for row, line in found.items():
-            own = errors[row]
-            lines.append(
-                {"row": row, **{name: setting[name] for name in GRID}, **line}
-                | {
-                    "over_oracle": None if own is None or ideal is None else own / ideal,
-                    "near": ideal and own is not None and own <= NEAR * ideal + FLOOR,
-                    "grows": any((line[key] or 0.0) > GROWING for key in GROWTHS),
-                }
-            )
-    return lines
+    points = pd.DataFrame(settings, columns=[*BASE], dtype=float).merge(lines)
+    points = points.drop(columns=BASE.keys() - GRID.keys())
+    oracle = points[points["row"] == ORACLE].set_index([*GRID])["E_xy"]
+    ideal = oracle.reindex(pd.MultiIndex.from_frame(points[[*GRID]])).to_numpy(float)
+    near = (points["E_xy"] <= NEAR * ideal + FLOOR).astype(object)
+    return points.assign(
+        over_oracle=points["E_xy"] / ideal,
+        near=near.where(np.isfinite(ideal), None),
+        grows=(points[[*GROWTHS]] > GROWING).any(axis=1),
+    )
 
 
-def grid_table(points: Sequence[dict]) -> list[dict]:
+def grid_table(points: pd.DataFrame) -> list[dict]:
     """Return one line a row that flew.
 
     Returns: {"row", "points", "near": share of the points near the oracle [1], None without oracle,
@@ -267,21 +259,20 @@ def grid_table(points: Sequence[dict]) -> list[dict]:
         "lost": lost or failed flights, "flights"}.
     """
     lines = []
-    for row in dict.fromkeys(point["row"] for point in points):
-        mine = [point for point in points if point["row"] == row]
-        near = [point["near"] for point in mine if point["near"] is not None]
-        judged = [point for point in mine if point["over_oracle"] is not None]
-        worst = max(judged, key=lambda point: point["over_oracle"], default=None)
+    for row, group in points.groupby("row", sort=False):
+        near = group["near"].dropna().astype(float)
+        judged = group.dropna(subset="over_oracle")
+        worst = judged.nlargest(1, "over_oracle").to_dict("records")
         lines.append(
             {
                 "row": row,
-                "points": len(mine),
-                "near": float(np.mean(near)) if near else None,
-                "worst": worst and worst["over_oracle"],
-                "worst_at": worst and {name: worst[name] for name in GRID},
-                "growing": sum(point["grows"] for point in mine),
-                "lost": sum(point["lost"] for point in mine),
-                "flights": sum(point["flights"] for point in mine),
+                "points": len(group),
+                "near": float(near.mean()) if len(near) else None,
+                "worst": worst[0]["over_oracle"] if worst else None,
+                "worst_at": {name: worst[0][name] for name in GRID} if worst else None,
+                "growing": int(group["grows"].sum()),
+                "lost": int(group["lost"].sum()),
+                "flights": int(group["flights"].sum()),
             }
         )
     return lines
@@ -324,10 +315,10 @@ def run(
     axes = [axis for axis in AXES if axis.name in names]
     require(grid or grid_values is None, "--grid-values: must come with --grid.")
     crossed = grid_settings(grid_values or 5) if grid else []
-    how: dict[str, Any] = {"solver": run.solver, "duration": duration}
-    base = flight_config({"seed": 0, **BASE}, **how)
+    work = partial(flown, solver=solver, duration=duration)
+    base = flight_config({"seed": 0, **BASE}, solver=solver, duration=duration)
     config = {
-        "solver": run.solver,
+        "solver": solver,
         "training": DITHERED,
         "training_seed": run.seed,
         "mpc": dc.asdict(load_experiment("circle").controller.mpc),
@@ -341,29 +332,22 @@ def run(
     along = [BASE | {axis.name: value} for axis in axes for value in axis.values]
     settings = distinct([*along, *crossed])
     scenarios = [{**setting, "seed": seed} for seed in run.seeds for setting in settings]
-    trainings, flights = fly_rows(
-        run, "robustness", rows, scenarios, partial(flown, **how), config=config
-    )
+    trainings, flights = fly_rows(run, "robustness", rows, scenarios, work, config=config)
     results(flights)
-    cells = cells_of(tidy(flights))
-    lines = robustness_table(cells, axes)
-    points = grid_points(cells, crossed)
+    lines = summaries(tidy(flights))
+    table = robustness_table(lines, axes)
+    points = grid_points(lines, crossed)
     title = f"{duration:g} s, {run.title()}"
+    tables = [errors_printed(table, key, title) for key in ERRORS]
     return Report(
-        [
-            *(errors_printed(lines, key, title) for key in ERRORS),
-            *([grid_printed(points, title)] if grid else []),
-        ],
+        [*tables, grid_printed(points, title)] if grid else tables,
         config=config | {"seeds": run.seeds},
         metrics={
-            "table": lines,
-            "grid": {"points": points, "table": grid_table(points)},
+            "table": table,
+            "grid": {"points": points.to_dict("records"), "table": grid_table(points)},
             "runs": [*trainings, *flights],
         },
-        notes=[
-            f"lost: {sum(cell['gone'].sum() for cell in cells.values())} of {len(flights)}",
-            *failures(run.workers.finished),
-        ],
+        notes=[f"lost: {lines['lost'].sum()} of {len(flights)}", *failures(run.workers.finished)],
     )
 
 
@@ -388,30 +372,30 @@ def errors_printed(lines: list[dict], key: str, title: str) -> Table:
     return f"{key} [cm], mean and 95 % interval; {title}", [""] * (1 + width), rows
 
 
-def grid_printed(points: Sequence[dict], title: str) -> Table:
+def grid_printed(points: pd.DataFrame, title: str) -> Table:
     """Return the table of the grid: E_xy by speed, and what `grid_table` gives."""
 
     def by_speed(speed: float):
         def cell(line: dict) -> str:
-            errors = [p["E_xy"] for p in points if (p["row"], p["speed"]) == (line["row"], speed)]
-            if None in errors:
+            flown = points[(points["row"] == line["row"]) & (points["speed"] == speed)]
+            errors = 100 * flown["E_xy"].to_numpy()
+            if np.isnan(errors).any():
                 return "lost"
-            median, least, most = (100 * f(errors) for f in (np.median, min, max))
-            return f"{median:.2f} ({least:.2f}–{most:.2f})"
+            return f"{np.median(errors):.2f} ({errors.min():.2f}–{errors.max():.2f})"
 
         return cell
 
     columns: list[Column] = [
         ("controller", "row"),
-        *((f"{v:g} m/s", by_speed(v)) for v in sorted({point["speed"] for point in points})),
+        *((f"{v:g} m/s", by_speed(v)) for v in sorted(points["speed"].unique())),
         ("near oracle", percent("near")),
         ("worst ratio", fixed("worst", 2)),
         ("growing", lambda line: f"{line['growing']} of {line['points']}"),
         ("lost", lambda line: f"{line['lost']} of {line['flights']}"),
     ]
-    said = (
+    explanation = (
         "grid, E_xy [cm] by speed: median (smallest–largest) of its points; near oracle: at most "
         f"{NEAR:g} times its error and {100 * FLOOR:g} cm; growing: error or swing of the last "
         f"third above {GROWING:g} times that of the first"
     )
-    return tabulate(f"{said}; {title}", grid_table(points), columns)
+    return tabulate(f"{explanation}; {title}", grid_table(points), columns)

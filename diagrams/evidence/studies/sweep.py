@@ -1,33 +1,77 @@
 """The sweep of all studies: rows x scenarios x seeds, flown with models that are trained once.
 
 A row is a controller, what it is told and what it was trained on. Model files travel by their
-content, trainings and flights are the cases of a campaign.
+content, trainings and flights are the cases of a campaign. A `Comparison` flies experiments as they
+are; other studies say how a case becomes a flight.
 """
 
 import base64
 import dataclasses as dc
 import hashlib
 import tempfile
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
-from diagrams.batch.run import Case, Record
-from diagrams.evidence.studies.options import FlownRun, chosen
+from diagrams.batch.run import Case, FailedRun, Record, Run, results
+from diagrams.evidence.studies.options import DEFAULT_SOLVER, chosen
 from diagrams.loop.controller_config import FILTER_MODEL, LEARNED
-from diagrams.loop.experiments import load_experiment
+from diagrams.loop.experiments import load_experiment, scenario_file, settings_of
 from diagrams.loop.flight import FlightConfig
-from diagrams.loop.flight_result import fly
+from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.training import train_model
 from np_drake.files.file_access import write_bytes
 from np_drake.metrics import half_width
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
-from np_drake.vehicle import Vehicle
+from np_drake.vehicle import Vehicle, load_vehicle
 
 Key = tuple[str, str]  # training experiment and configuration
 Models = dict[Key, bytes]  # content of the model files
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class FlownRun(Run):
+    """Run that flies the seeds after `seed`, which the training flight draws.
+
+    count: flights a row.
+    reality, vehicle: scenario file that is flown in and vehicle that flies, where not the paper's.
+    """
+
+    count: int = 5
+    solver: str = DEFAULT_SOLVER
+    reality: Path | None = None
+    vehicle: str = ""
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of the evaluation flights."""
+        return [self.seed + 1 + k for k in range(self.count)]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Solver and seeds, as `--json` holds them."""
+        return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.seed}
+
+    @property
+    def world(self) -> dict[str, Any]:
+        """Arguments of `configure` and `training_config`; the file's path is absolute, as workers
+        may have another folder.
+        """
+        return {
+            "solver": self.solver,
+            "reality": self.reality and scenario_file(self.reality).resolve(),
+            "vehicle": load_vehicle(self.vehicle) if self.vehicle else None,
+        }
+
+    def title(self) -> str:
+        """Return the title of a table: flights, seeds, what is trained, training seed, solver."""
+        return (
+            f"{self.count} flights a row, seeds {self.seeds[0]} … {self.seeds[-1]}, "
+            f"trained on seed {self.seed}, {self.solver}"
+        )
 
 
 @dc.dataclass(frozen=True)
@@ -132,7 +176,7 @@ def _trained(case: Case, **how) -> dict:
         return {"file": base64.b64encode(path.read_bytes()).decode()}
 
 
-def _flown(
+def _with_model(
     case: Case, flight: Callable[[Case, Row, str], dict], rows: Sequence[Row], models: Models
 ) -> dict:
     """Return what `flight(case, row, path of its model)` returns; the path is empty without one."""
@@ -153,7 +197,6 @@ def fly_rows(
     flight: Callable[[Case, Row, str], dict],
     *,
     config: dict,
-    **world,
 ) -> tuple[list[Record], list[Record]]:
     """Train what `rows` need, write the model files into the folder of the run, then fly every row
     in every scenario, which names its seed.
@@ -163,11 +206,16 @@ def fly_rows(
 
     Args:
         flight: work of a case, its row and the path of its model.
-        config: all that the results depend on other than the case.
-        world: vehicle and reality, as of `configure`.
+        config: all that the flights depend on other than the case, `run` and the trainings.
     Returns: the records of the trainings and of the flights.
     """
     keys = list(dict.fromkeys(row.key for row in rows if row.training))
+    config = {
+        **config,
+        "solver": run.solver,
+        "training_seed": run.seed,
+        "trainings": {name: settings_of(training_config(name, **run.world)) for name, _ in keys},
+    }
     # whose bank `payload_filter` takes
     prior = {"prior": digest_of(FILTER_MODEL.read_bytes())}
     cases = [
@@ -175,7 +223,7 @@ def fly_rows(
         | (prior if configuration == PAYLOAD_FILTER else {})
         for training, configuration in keys
     ]
-    train = partial(_trained, seed=run.seed, solver=run.solver, **world)
+    train = partial(_trained, seed=run.seed, **run.world)
     trainings = run.cases("training", "models", train, cases, config=config)
     models = {
         key: base64.b64decode(record["result"]["file"])
@@ -190,8 +238,74 @@ def fly_rows(
         if not row.training or row.key in models
         for scenario in scenarios
     ]
-    work = partial(_flown, flight=flight, rows=rows, models=models)
+    work = partial(_with_model, flight=flight, rows=rows, models=models)
     return trainings, run.cases(title, "flights", work, flights, config=config)
+
+
+@dc.dataclass(frozen=True)
+class Comparison:
+    """Rows that fly the same experiments with the same seeds.
+
+    measures: of a flight, as far as JSON knows them; `metrics` are those of its table, and what is
+        drawn alone stands under `drawn`.
+    lost: metrics of a lost vehicle; None: its case has failed.
+    """
+
+    name: str
+    rows: tuple[Row, ...]
+    experiments: tuple[str, ...]
+    measures: Callable[[FlightResult], dict]
+    lost: dict[str, float] | None = None
+
+    def fly(self, run: FlownRun, rows: Sequence[Row]) -> list[dict]:
+        """Return the results of all flights: {"row", "experiment", "seed"}, and the measures or
+        why the vehicle was "lost".
+        """
+        first = {e: settings_of(configure(e, self.rows[0], **run.world)) for e in self.experiments}
+        scenarios = [
+            {"experiment": e, "seed": seed} for e in self.experiments for seed in run.seeds
+        ]
+        work = partial(self.flown, **run.world)
+        _, records = fly_rows(run, self.name, rows, scenarios, work, config={"flown": first})
+        metrics = {} if self.lost is None else {"metrics": self.lost}
+        return [{**metrics, **result} for result in results(records)]
+
+    def flown(self, case: Case, row: Row, model: str, **world: Any) -> dict:
+        """Return the result of a case; a lost vehicle is one: another try would lose it too."""
+        experiment = case["experiment"]
+        head = {"row": row.name, "experiment": experiment, "seed": case["seed"]}
+        try:
+            flight = fly(configure(experiment, row, model=model, **world), seed=case["seed"])
+        except FailedRun as error:
+            if self.lost is None:
+                raise
+            return {**head, "controller": row.kind, "lost": str(error)}
+        return {**head, **self.measures(flight)}
+
+    def controllers(self, run: FlownRun, rows: Sequence[Row], model: str) -> dict[str, dict]:
+        """Return the controller of each row as `--json` holds it; `model` stands for its file."""
+        trained = {row.name: row.training and model.format(row.training) for row in rows}
+        return {
+            row.name: dc.asdict(
+                configure(self.experiments[0], row, model=trained[row.name], **run.world).controller
+            )
+            for row in rows
+        }
+
+
+def summaries(
+    runs: Sequence[dict], keys: Sequence[str], cuts: Sequence[str]
+) -> Iterator[tuple[pd.DataFrame, dict]]:
+    """Yield the metrics of the flights of a row in an experiment, one a line, and their summary:
+    means with 95 % intervals, what `cuts` fall short of the nominal row's, failed solves.
+    """
+    flights = pd.DataFrame([{**run, **run["metrics"]} for run in runs])
+    groups = dict(list(flights.groupby(["row", "experiment"], sort=False)))
+    for (row, experiment), group in groups.items():
+        line: dict[str, Any] = {"row": row, **means(group, keys)}
+        if (base := groups.get(("nominal", experiment))) is not None:
+            line |= {f"{key}_cut": 1.0 - line[key] / float(base[key].mean()) for key in cuts}
+        yield group, line | {"solve_failures": int(group["solve_failures"].sum())}
 
 
 def tidy(records: Sequence[Record]) -> pd.DataFrame:
@@ -203,8 +317,8 @@ def tidy(records: Sequence[Record]) -> pd.DataFrame:
 
 def means(flights: pd.DataFrame, keys: Sequence[str]) -> dict[str, float]:
     """Return the mean of each column and, as `…_ci95`, half of its 95 % interval (Student)."""
-    found: dict[str, float] = {}
+    line: dict[str, float] = {}
     for key in keys:
         values = flights[key].to_numpy(float)
-        found |= {key: float(values.mean()), f"{key}_ci95": half_width(values)}
-    return found
+        line |= {key: float(values.mean()), f"{key}_ci95": half_width(values)}
+    return line

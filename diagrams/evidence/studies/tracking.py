@@ -5,19 +5,16 @@ hung on.
 
 import dataclasses as dc
 from collections.abc import Sequence
-from functools import partial
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 from typer import Option
 
-from diagrams.batch.run import Case, FailedRun, Report, Run, Table, failures, results
+from diagrams.batch.run import Report, Run, Table, failures
 from diagrams.evidence.studies.options import (
     DEFAULT_SOLVER,
     Column,
-    FlownRun,
     Only,
     Reality,
     Seeds,
@@ -28,18 +25,18 @@ from diagrams.evidence.studies.options import (
     tabulate,
 )
 from diagrams.evidence.studies.sweep import (
+    Comparison,
+    FlownRun,
     Row,
     choose_rows,
     configure,
-    fly_rows,
-    means,
     named,
-    training_config,
+    summaries,
 )
 from diagrams.loop.controller_config import FILTER_MODEL
-from diagrams.loop.experiments import load_experiment, scenario_file, settings_of
+from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
-from diagrams.loop.flight_result import FlightResult, fly
+from diagrams.loop.flight_result import FlightResult
 from np_drake import metrics
 from np_drake.files.figure_file import Figure, Panel, panel_figure
 from np_drake.files.number_text import NOTHING
@@ -48,7 +45,6 @@ from np_drake.lifting.training.train import make_config
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.residual_models.motion_model import GP, KNODE
 from np_drake.residual_models.predictor_training import CONFIGURATIONS
-from np_drake.vehicle import load_vehicle
 
 TRACKS = ("circle", "lemniscate")  # experiments that are flown
 # experiments that are trained on
@@ -78,59 +74,51 @@ ROWS = (
     Row("oracle", "oracle"),
 )
 ERRORS = ("E_xy", "E_z")  # keys of the errors [m]
-LOST = {**dict.fromkeys((*ERRORS, "growth"), np.inf), "solve_failures": 0}  # of a lost vehicle
 
 
-def flown(case: Case, row: Row, model: str, *, solver: str, **world: Any) -> dict:
-    """Return the `fly` summary of a case and its last lap, or why the vehicle was lost.
-
-    A lost vehicle is a result: another try would lose it too.
-    """
-    track = case["track"]
-    seed = case["seed"]
-    try:
-        flight = fly(configure(track, row, solver=solver, model=model, **world), seed=seed)
-    except FailedRun as error:
-        head = {"experiment": track, "controller": row.kind, "seed": seed, "row": row.name}
-        return {**head, "lost": str(error)}
+def with_last_lap(flight: FlightResult) -> dict:
+    """Return the `fly` summary of a flight, and its last lap from above as `drawn`."""
     lap = {name: flight.signals[name][flight.last_lap, :2] for name in ("x_true", "p_ref")}
-    return {**flight.summary(), "row": row.name, "lap": lap}
+    return {**flight.summary(), "drawn": lap}
 
 
-def table(summaries: Sequence[dict]) -> list[dict]:
+TRACKING = Comparison(
+    "tracking",
+    ROWS,
+    TRACKS,
+    with_last_lap,
+    lost={**dict.fromkeys((*ERRORS, "growth"), np.inf), "solve_failures": 0},
+)
+
+
+def table(runs: Sequence[dict]) -> list[dict]:
     """Return E_xy and E_z [m] by row and track: means over seeds with 95 % interval (Student) and
     standard deviation, and the cut relative to nominal.
     """
-    lines = []
-    flights = pd.DataFrame(
-        [{"row": s["row"], "track": s["experiment"], **s["metrics"]} for s in summaries]
-    )
-    groups = dict(list(flights.groupby(["row", "track"], sort=False)))
-    for (row, track), of in groups.items():
-        line = {"row": row, "track": track, **means(of, ERRORS)}
-        base = groups.get(("nominal", track))
-        for key in ERRORS:
-            line[f"{key}_sd"] = float(of[key].std()) if np.isfinite(of[key]).all() else np.nan
-            if base is not None:
-                line[f"{key}_cut"] = 1.0 - line[key] / float(base[key].mean())
-        line["growth"] = float(of["growth"].mean())
-        lines.append(line | {"solve_failures": int(of["solve_failures"].sum())})
-    return lines
+    return [
+        {
+            "track": flights["experiment"].iat[0],
+            **line,
+            **{f"{key}_sd": float(flights[key].std()) for key in ERRORS},
+            "growth": float(flights["growth"].mean()),
+        }
+        for flights, line in summaries(runs, ERRORS, ERRORS)
+    ]
 
 
 def settings_of_training(rows: Sequence[Row], seed: int) -> dict[str, dict]:
     """Return the settings of every configuration that is trained, by its name; where the vehicle
     alone is, what is believed of its payload.
     """
-    found: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     for name in {row.configuration: None for row in rows if row.configuration}:
         if name == PAYLOAD_FILTER:
-            found[name] = PayloadFilterModel.load(FILTER_MODEL).bank
+            settings[name] = PayloadFilterModel.load(FILTER_MODEL).bank
         elif name in CONFIGURATIONS:
-            found[name] = dc.replace(CONFIGURATIONS[name], seed=seed)
+            settings[name] = dc.replace(CONFIGURATIONS[name], seed=seed)
         else:
-            found[name] = make_config(name, seed=seed)
-    return {name: dc.asdict(own) for name, own in found.items()}
+            settings[name] = make_config(name, seed=seed)
+    return {name: dc.asdict(config) for name, config in settings.items()}
 
 
 def run(
@@ -142,112 +130,98 @@ def run(
     vehicle: Annotated[str, Option(help="Vehicle that flies in place of the paper's.")] = "",
 ) -> Report:
     """Every controller on circle and lemniscate. --out DIR: models and figure."""
-    run = FlownRun(**vars(run), count=seeds, solver=solver)
+    run = FlownRun(**vars(run), count=seeds, solver=solver, reality=reality, vehicle=vehicle)
     rows = choose_rows(ROWS, only)
-    world = world_of(reality, vehicle)
-    how = {"solver": run.solver, **world}
-    config = {
-        "solver": run.solver,
-        "training_seed": run.seed,
-        "tracks": {track: settings_of(configure(track, ROWS[0], **how)) for track in TRACKS},
-        "training": {name: settings_of(training_config(name, **how)) for name in (PLAIN, DITHERED)},
-    }
-    scenarios = [{"track": track, "seed": seed} for track in TRACKS for seed in run.seeds]
-    work = partial(flown, **how)
-    _, records = fly_rows(run, "tracking", rows, scenarios, work, config=config, **world)
-    summaries = [{"metrics": LOST, **result} for result in results(records)]
-    laps = {
-        (s["experiment"], s["row"]): s["lap"]
-        for s in summaries
-        if "lap" in s and s["seed"] == run.seeds[0]
-    }
-    own = load_experiment("circle", **world).check()
-    lines = table(summaries)
+    runs = TRACKING.fly(run, rows)
+    lines = table(runs)
+    world = run.world
+    flown = load_experiment("circle", world["vehicle"], world["reality"]).check()
     lost = [
-        f"{s['row']}, {s['experiment']}, seed {s['seed']}: {s['lost']}"
-        for s in summaries
-        if "lost" in s
+        f"{s['row']}, {s['experiment']}, seed {s['seed']}: {s['lost']}" for s in runs if "lost" in s
     ]
     return Report(
         [printed(lines, run.title())],
         config={
             **run.settings,
-            "mpc": dc.asdict(own.controller.mpc),
-            "reality": dc.asdict(own.reality),
+            "mpc": dc.asdict(flown.controller.mpc),
+            "reality": dc.asdict(flown.reality),
             "configurations": settings_of_training(rows, run.seed),
         },
-        metrics={
-            "table": lines,
-            "runs": [{k: v for k, v in s.items() if k != "lap"} for s in summaries],
-        },
+        metrics={"table": lines, "runs": without(runs, "drawn")},
         notes=[
-            f"failed solves: {sum(line['solve_failures'] for line in lines)} in {len(summaries)} "
+            f"failed solves: {sum(line['solve_failures'] for line in lines)} in {len(runs)} "
             f"flights; lost flights: {len(lost)}",
             *lost,
             *failures(run.workers.finished),
         ],
-        figures={"plane_tracks.png": lambda: plane_tracks(laps, f"last lap, seed {run.seeds[0]}")},
+        figures={"plane_tracks.png": lambda: plane_tracks(runs, run.seeds[0])},
     )
 
 
-def world_of(reality: Path | None, vehicle: str = "") -> dict[str, Any]:
-    """Return the arguments of `configure` for the options; the file's path is absolute, as workers
-    may have another folder.
-    """
+def without(runs: Sequence[dict], *names: str) -> list[dict]:
+    """Return the results of flights as `--json` holds them, without the keys `names`."""
+    return [{key: value for key, value in run.items() if key not in names} for run in runs]
+
+
+def drawn_flights(runs: Sequence[dict], seed: int) -> dict[tuple[str, str], Any]:
+    """Return what is drawn of the flights of a seed, by (experiment, row)."""
     return {
-        "reality": reality and scenario_file(reality).resolve(),
-        "vehicle": load_vehicle(vehicle) if vehicle else None,
+        (run["experiment"], run["row"]): run["drawn"]
+        for run in runs
+        if run["seed"] == seed and "drawn" in run
     }
 
 
-def plane_tracks(laps: dict[tuple[str, str], dict[str, list]], title: str) -> Figure:
-    """Plot the last lap of the paper's controllers by (track, row), the reference dotted."""
+def plane_tracks(runs: Sequence[dict], seed: int) -> Figure:
+    """Plot the last lap of the paper's controllers on each track, the reference dotted."""
+    laps = drawn_flights(runs, seed)
     panels = []
     for track in TRACKS:
-        mine = {row: lap for (on, row), lap in laps.items() if on == track}
-        curves = {row: np.array(mine[row]["x_true"]).T for row in DRAWN if row in mine}
-        reference: Any = next((np.array(lap["p_ref"]).T for lap in mine.values()), ([], []))
+        curves = {
+            row: np.array(laps[track, row]["x_true"]).T for row in DRAWN if (track, row) in laps
+        }
+        flown = [np.array(lap["p_ref"]).T for (on, _), lap in laps.items() if on == track]
         axes = {"xlabel": "x [m]", "ylabel": "y [m]", "title": track, "aspect": "equal"}
-        panels.append(Panel(curves, axes, {"reference": reference}))
-    return panel_figure([panels], title, width=10.0, height=4.6)
+        panels.append(Panel(curves, axes, {"reference": flown[0] if flown else ([], [])}))
+    return panel_figure([panels], f"last lap, seed {seed}", width=10.0, height=4.6)
+
+
+def published(line: dict) -> tuple[float, ...]:
+    """Return the errors of this controller in the paper [m]; empty where it has none."""
+    return PAPER.get(named(ROWS, line["row"]).kind, {}).get(line["track"], ())
+
+
+def published_cuts(line: dict) -> list[str]:
+    """Return the paper's cuts relative to nominal."""
+    pairs = zip(published(line), PAPER["nominal"][line["track"]], strict=False)
+    return [f"{100 * (1 - error / base):.0f} %" for error, base in pairs]
+
+
+COLUMNS: tuple[Column, ...] = (
+    ("track", "track"),
+    ("controller", "row"),
+    ("E_xy [cm]", spread("E_xy")),
+    ("cut", percent("E_xy_cut", 1)),
+    ("E_z [cm]", spread("E_z")),
+    ("cut", percent("E_z_cut", 1)),
+    ("growth", fixed("growth", 2)),
+    (
+        "paper xy / z",
+        lambda line: " / ".join(f"{100 * error:.1f}" for error in published(line)) or NOTHING,
+    ),
+    ("paper's cuts", lambda line: " / ".join(published_cuts(line)) or NOTHING),
+    ("failed", "solve_failures"),
+)
 
 
 def printed(lines: list[dict], title: str) -> Table:
     """Return the table of the lines that `table` gives; errors in cm."""
-
-    def paper(line: dict) -> str:
-        return " / ".join(f"{100 * error:.1f}" for error in _published(line)) or NOTHING
-
-    def paper_cut(line: dict) -> str:
-        pairs = zip(_published(line), PAPER["nominal"][line["track"]], strict=False)
-        return " / ".join(f"{100 * (1 - of / base):.0f} %" for of, base in pairs) or NOTHING
-
-    columns: tuple[Column, ...] = (
-        ("track", "track"),
-        ("controller", "row"),
-        ("E_xy [cm]", spread("E_xy")),
-        ("cut", percent("E_xy_cut", 1)),
-        ("E_z [cm]", spread("E_z")),
-        ("cut", percent("E_z_cut", 1)),
-        ("growth", fixed("growth", 2)),
-        ("paper xy / z", paper),
-        ("paper's cuts", paper_cut),
-        ("failed", "solve_failures"),
-    )
-    return tabulate(title, sorted(lines, key=lambda line: line["track"]), columns)
-
-
-def _published(line: dict) -> tuple[float, ...]:
-    """Return the errors of this controller in the paper [m]; empty where it has none."""
-    kinds = {row.name: row.kind for row in ROWS}
-    return PAPER.get(kinds.get(line["row"], ""), {}).get(line["track"], ())
+    return tabulate(title, sorted(lines, key=lambda line: line["track"]), COLUMNS)
 
 
 # Position RMSE [m]. Source: Jin et al. 2025, hovering experiment
 HOVER_PAPER = {"nominal": 0.242, "np: paper": 0.064, "np": 0.064}
 HOVER_KEYS = ("position_rmse", "early", "late", "E_xy", "E_z", "amplitude", "rate", "settling")
-# of a lost vehicle
-HOVER_LOST = {**dict.fromkeys(HOVER_KEYS, np.inf), "solve_failures": 0, "fallbacks": 0}
 CUTS = ("position_rmse", "late", "E_xy")  # keys that are also given relative to nominal
 EARLY = 2.0  # after the impulse; later every predictor has seen the swing begin [s]
 # names of rows
@@ -291,49 +265,44 @@ def hover_metrics(flight: FlightResult, early: float = EARLY) -> dict:
     its impulse at the end of the ramp; `early` [s] parts the two position RMSE.
     """
     t, distance = swing_course(flight)
-    rows = flight.scored
     shared = flight.metrics()
-    p = flight.signals["x_true"][rows, :3]
-    p_ref = flight.signals["p_ref"][rows]
-
-    def rmse(part: np.ndarray) -> float:
-        square = np.sum((p - p_ref)[part] ** 2, axis=1)
-        return float(np.sqrt(square.mean())) if part.any() else float("nan")
-
+    error = (flight.flown - flight.signals["p_ref"])[flight.scored]
+    squares = pd.Series(np.sum(error**2, axis=1)).groupby(t >= early).mean()
+    kept = ("E_xy", "E_z", "position_rmse", "solve_failures", "fallbacks", "solve_ms")
     return {
-        **metrics.tracking_errors(p, p_ref),
-        "early": rmse(t < early),
-        "late": rmse(t >= early),
+        **{key: shared[key] for key in kept},
+        "early": float(np.sqrt(squares.get(False, np.nan))),
+        "late": float(np.sqrt(squares.get(True, np.nan))),
         "amplitude": float(distance.max()),
         "rate": metrics.decay_rate(t, distance),
         "settling": metrics.settling_time(t, distance),
-        **{key: shared[key] for key in ("solve_failures", "fallbacks", "solve_ms")},
     }
 
 
-def swung(case: Case, row: Row, model: str, **how: Any) -> dict:
-    """Return metrics and the payload's course of a case, or why the vehicle was lost."""
-    head = {"row": row.name, "seed": case["seed"]}
-    try:
-        flight = fly(configure("hover_swing", row, model=model, **how), seed=case["seed"])
-    except FailedRun as error:
-        return {**head, "lost": str(error)}
-    return {**head, "metrics": hover_metrics(flight), "course": swing_course(flight)}
+def swung(flight: FlightResult) -> dict:
+    """Return metrics and the payload's course of a flight."""
+    return {"metrics": hover_metrics(flight), "drawn": swing_course(flight)}
+
+
+HOVER = Comparison(
+    "hover",
+    HOVER_ROWS,
+    ("hover_swing",),
+    swung,
+    lost={**dict.fromkeys(HOVER_KEYS, np.inf), "solve_failures": 0, "fallbacks": 0},
+)
 
 
 def hover_table(runs: list[dict]) -> list[dict]:
     """Return one line a row: means over the seeds with 95 % interval, and cuts relative to
     nominal.
     """
-    flights = pd.DataFrame([{"row": run["row"], **run["metrics"]} for run in runs])
-    flights["settling"] = flights["settling"].astype(float).fillna(np.inf)  # it never comes
-    base = flights[flights["row"] == "nominal"]
-    lines = []
-    for row, mine in flights.groupby("row", sort=False):
-        line: dict = {"row": row, "flights": len(mine), **means(mine, HOVER_KEYS)}
-        line |= {f"{key}_cut": 1.0 - line[key] / float(base[key].mean()) for key in CUTS}
-        lines.append(line | {"solve_failures": int(mine["solve_failures"].sum())})
-    return lines
+    for run in runs:
+        if run["metrics"]["settling"] is None:
+            run["metrics"]["settling"] = np.inf  # it never comes
+    return [
+        {"flights": len(flights), **line} for flights, line in summaries(runs, HOVER_KEYS, CUTS)
+    ]
 
 
 HOVER_COLUMNS = (
@@ -364,37 +333,14 @@ def hover(
     reality: Reality = None,
 ) -> Report:
     """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure."""
-    run = FlownRun(**vars(run), count=seeds, solver=solver)
-    world = world_of(reality)
+    run = FlownRun(**vars(run), count=seeds, solver=solver, reality=reality)
     rows = choose_rows(HOVER_ROWS, only)
-    how = {"solver": run.solver, **world}
-    config = {
-        "solver": run.solver,
-        "training_seed": run.seed,
-        "early": EARLY,
-        "hover": settings_of(configure("hover_swing", HOVER_ROWS[0], **how)),
-        "training": settings_of(training_config(DITHERED, **how)),
-    }
-    work = partial(swung, **how)
-    scenarios = [{"seed": seed} for seed in run.seeds]
-    _, records = fly_rows(run, "hover", rows, scenarios, work, config=config, **world)
-    runs = [{"metrics": HOVER_LOST, **result} for result in results(records)]
+    runs = HOVER.fly(run, rows)
     lines = hover_table(runs)
-    controllers = {
-        row.name: dc.asdict(
-            configure(
-                "hover_swing", row, model=row.training and f"trained on {row.training}", **how
-            ).controller
-        )
-        for row in rows
-    }
     return Report(
         [tabulate(f"{run.title()}; ± 95 % interval of the mean", lines, HOVER_COLUMNS)],
-        config={**run.settings, "controllers": controllers},
-        metrics={
-            "table": lines,
-            "runs": [{k: v for k, v in flown.items() if k != "course"} for flown in runs],
-        },
+        config={**run.settings, "controllers": HOVER.controllers(run, rows, "trained on {}")},
+        metrics={"table": lines, "runs": without(runs, "drawn", "experiment")},
         notes=failures(run.workers.finished),
         figures={"hover_payload_distance.png": lambda: distances(runs, run.seeds[0])},
     )
@@ -403,9 +349,8 @@ def hover(
 def distances(runs: list[dict], seed: int) -> Figure:
     """Plot the payload's horizontal distance from the origin, one flight a controller."""
     curves = {
-        run["row"]: (run["course"][0], 100 * np.array(run["course"][1]))
-        for run in runs
-        if run["seed"] == seed and "course" in run
+        row: (t, 100 * np.array(distance))
+        for (_, row), (t, distance) in drawn_flights(runs, seed).items()
     }
     axes = {"xlabel": "time since the impulse [s]", "ylabel": "payload from the origin [cm]"}
     title = f"Hover, impulse on the payload, seed {seed}"
@@ -421,18 +366,20 @@ def expected_step(config: FlightConfig) -> float:
     return -config.events[0].mass * config.vehicle.gravity / config.reality.thrust_scale
 
 
-def attached(case: Case, row: Row, model: str, **how: Any) -> dict:
-    """Return the courses of f_z [N] and height [m] of a case from its event on, and counts."""
-    config = configure("attach", row, model=model, **how)
-    flight = fly(config, seed=case["seed"])
+def attached(flight: FlightResult) -> dict:
+    """Return the courses of f_z [N] and height [m] of a flight, time from its event on, and counts
+    of solves.
+    """
     s = flight.signals
-    counts = flight.metrics()
     return {
-        **{"row": row.name, "seed": case["seed"], "t": s["t"] - config.events[0].time},
+        "t": s["t"] - flight.config.events[0].time,
         **{name: s[name][:, 2] for name in SIGNALS},
-        "height": s["x_true"][:, 2] - config.reference.height,
-        **{key: counts[key] for key in ("solve_failures", "fallbacks")},
+        "height": s["x_true"][:, 2] - flight.config.reference.height,
+        "solve_failures": flight.metrics()["solve_failures"],
     }
+
+
+ATTACH = Comparison("attach", ATTACH_ROWS, ("attach",), attached)
 
 
 def step_response(t: np.ndarray, courses: np.ndarray) -> dict[str, float]:
@@ -472,21 +419,32 @@ def _crossing(t: np.ndarray, y: np.ndarray, level: float) -> float:
 def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
     """Return one line a row and signal."""
     lines = []
-    for row in dict.fromkeys(run["row"] for run in runs):
-        mine = [run for run in runs if run["row"] == row]
-        t = np.array(mine[0]["t"])
-        wanted = expected_step(config)
-        height = np.array([run["height"] for run in mine])[:, t >= 0]
-        shared = {
-            **{"event": "attach", "row": row, "expected": wanted, "flights": len(mine)},
-            "height_error": float(np.abs(height).max(axis=1).mean()),
-            "solve_failures": int(sum(run["solve_failures"] for run in mine)),
-        }
+    expected = expected_step(config)
+    for row, flights in by_row(runs).items():
+        t = np.array(flights[0]["t"])
+        height = np.array([flight["height"] for flight in flights])[:, t >= 0]
         for name in SIGNALS:
-            step = step_response(t, np.array([run[name] for run in mine]))
-            off = step["size"] / wanted - 1.0
-            lines.append({**shared, "signal": name, **step, "error": off})
+            step = step_response(t, np.array([flight[name] for flight in flights]))
+            lines.append(
+                {
+                    "event": "attach",
+                    "row": row,
+                    "expected": expected,
+                    "flights": len(flights),
+                    "height_error": float(np.abs(height).max(axis=1).mean()),
+                    "solve_failures": sum(flight["solve_failures"] for flight in flights),
+                    "signal": name,
+                    **step,
+                    "error": step["size"] / expected - 1.0,
+                }
+            )
     return lines
+
+
+def by_row(runs: list[dict]) -> dict[str, list[dict]]:
+    """Return the results of each row's flights."""
+    rows = dict.fromkeys(run["row"] for run in runs)
+    return {row: [run for run in runs if run["row"] == row] for row in rows}
 
 
 ATTACH_COLUMNS = (  # N, s, cm
@@ -508,26 +466,14 @@ def attach(
     run: Run, seeds: Seeds = 20, solver: Solver = DEFAULT_SOLVER, reality: Reality = None
 ) -> Report:
     """100 g more are hung on in flight. --out DIR: models, and the responses as a figure."""
-    run = FlownRun(**vars(run), count=seeds, solver=solver)
-    world = world_of(reality)
-    how = {"solver": run.solver, **world}
-    config = configure("attach", Row("", "nominal"), **how)
-    settings = {
-        "solver": run.solver,
-        "training_seed": run.seed,
-        "attach": settings_of(config),
-        "training": settings_of(training_config(DITHERED, **how)),
-    }
-    work = partial(attached, **how)
-    scenarios = [{"seed": seed} for seed in run.seeds]
-    _, records = fly_rows(run, "attach", ATTACH_ROWS, scenarios, work, config=settings, **world)
-    runs = results(records)
+    run = FlownRun(**vars(run), count=seeds, solver=solver, reality=reality)
+    config = configure("attach", Row("", "nominal"), **run.world)
+    runs = ATTACH.fly(run, ATTACH_ROWS)
     lines = attach_table(runs, config)
-    model = f"trained on {DITHERED}, seed {run.seed}"
-    controller = dc.asdict(configure("attach", ATTACH_ROWS[0], model=model, **how).controller)
+    controllers = ATTACH.controllers(run, ATTACH_ROWS[:1], f"trained on {{}}, seed {run.seed}")
     return Report(
         [tabulate(run.title(), lines, ATTACH_COLUMNS)],
-        config={**run.settings, "controller": controller},
+        config={**run.settings, "controller": controllers[ATTACH_ROWS[0].name]},
         metrics={"table": lines},
         notes=[
             f"expected: the change of weight over the thrust scale {config.reality.thrust_scale}; "
@@ -540,13 +486,13 @@ def attach(
 
 def responses(runs: list[dict], title: str) -> Figure:
     """Plot the mean f_z that each controller predicts around the event, and the first's label."""
+    rows = by_row(runs)
     t = runs[0]["t"]
-
-    def course(row: str, name: str) -> tuple:
-        return t, np.mean([run[name] for run in runs if run["row"] == row], axis=0)
-
-    rows = list(dict.fromkeys(run["row"] for run in runs))
-    curves = {row: course(row, "chi_hat") for row in rows}
+    curves = {
+        row: (t, np.mean([flight["chi_hat"] for flight in flights], axis=0))
+        for row, flights in rows.items()
+    }
+    labels = [flight["label"] for flight in next(iter(rows.values()))]
     axes = {"xlabel": "time since the event [s]", "ylabel": "$f_z$ [N]", "xlim": (-0.5, 1.5)}
-    panel = Panel(curves, axes, {"label, low-passed": course(rows[0], "label")})
+    panel = Panel(curves, axes, {"label, low-passed": (t, np.mean(labels, axis=0))})
     return panel_figure([[panel]], title, width=7.5, height=3.6)

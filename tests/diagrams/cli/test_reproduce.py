@@ -9,7 +9,7 @@ import pytest
 from diagrams.batch.run import Run
 from diagrams.cli.main import run
 from diagrams.cli.reproduce import STUDIES
-from diagrams.evidence.studies import tracking as payload
+from diagrams.evidence.studies import sweep, tracking
 
 ROOT = Path(__file__).parents[3]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -43,8 +43,8 @@ def test_the_studies_are_listed_with_a_line_each(arguments, capsys):
 
 
 def test_a_study_runs_in_silence_from_python(tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(payload, "fly_rows", lambda *_, **__: ([], []))
-    report = payload.attach(Run(seed=3, scratch=tmp_path))
+    monkeypatch.setattr(sweep, "fly_rows", lambda *_, **__: ([], []))
+    report = tracking.attach(Run(seed=3, scratch=tmp_path))
     assert "trained on seed 3" in report.tables[0][0]
     assert capfd.readouterr() == ("", "")
 

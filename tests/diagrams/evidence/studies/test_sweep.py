@@ -6,8 +6,8 @@ import math
 import pytest
 
 from diagrams.evidence.studies import tracking
-from diagrams.evidence.studies.options import FlownRun, fixed, percent, spread
-from diagrams.evidence.studies.sweep import Row, choose_rows, configure, fly_rows, tidy
+from diagrams.evidence.studies.options import fixed, percent, spread
+from diagrams.evidence.studies.sweep import FlownRun, Row, choose_rows, configure, fly_rows, tidy
 from diagrams.loop.experiments import load_experiment
 
 ROWS = (Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np"))
@@ -32,7 +32,7 @@ def test_rows_differ_in_their_controller_alone(rows):
 
 
 def test_every_row_flies_every_scenario_with_one_model(monkeypatch, in_this_process, tmp_path):
-    def train(row, path, *, seed, solver):
+    def train(row, path, *, seed, **world):
         if row.configuration == "knode":
             raise ValueError("does not converge")
         path.write_bytes(f"{row.configuration} {seed}".encode())

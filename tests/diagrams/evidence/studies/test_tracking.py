@@ -139,7 +139,7 @@ def test_early_and_late_errors_make_up_the_whole(swung):
 def made(monkeypatch):
     """No flight: results of every row and seed."""
 
-    def records(run, title, rows, scenarios, work, *, config, **world):
+    def records(run, title, rows, scenarios, work, *, config):
         found = []
         for row in rows:
             for scenario in scenarios:
@@ -150,11 +150,11 @@ def made(monkeypatch):
                     error = 0.04 if row.kind == "nominal" else 0.01
                     values = dict.fromkeys(tracking.HOVER_KEYS, error) | {"settling": None}
                     result["metrics"] = {**values, "solve_failures": 1, "fallbacks": 0}
-                    result["course"] = [[0.0, 1.0], [0.3, 0.3]]
+                    result["drawn"] = [[0.0, 1.0], [0.3, 0.3]]
                 found.append({"case": scenario, "result": result, "seconds": 1.0})
         return [], found
 
-    monkeypatch.setattr(tracking, "fly_rows", records)
+    monkeypatch.setattr(sweep, "fly_rows", records)
 
 
 def test_hover_prints_seeds_and_cuts_and_writes_its_files(made, tmp_path, capsys):
