@@ -32,14 +32,11 @@ CHANNELS = {  # of chi, in each column
 }
 COLUMNS = tuple(CHANNELS)  # in the order of the table
 
-TABLE = pd.read_csv(Path(__file__).with_suffix(".csv"), index_col=["flight", "method"])
-PUBLISHED = {  # flight: method: column
-    flight: rows.droplevel("flight").to_dict("index") for flight, rows in TABLE.groupby("flight")
-}
+PUBLISHED = pd.read_csv(Path(__file__).with_suffix(".csv"), index_col=["flight", "method"])
 OURS = {PAPER: "np: paper", MODE_DICTIONARY: MODE_DICTIONARY}  # configuration: row
 NAIVE = ("persistence", "linear")  # rows without training
-OWN = (*OURS.values(), *NAIVE)
-ROWS = ("NeuroBEM", "NeuroMHE", "NP", *OWN)  # in the order of the table
+UNPUBLISHED = (*OURS.values(), *NAIVE)
+ROWS = ("NeuroBEM", "NeuroMHE", "NP", *UNPUBLISHED)  # in the order of the table
 KEYS = {"paper": "NP", "ours": OURS[MODE_DICTIONARY], "ours_paper": OURS[PAPER]}  # of `--json`: row
 KEYS |= {name: name for name in ("NeuroMHE", "NeuroBEM", *NAIVE)}
 LEARNED = 4000  # samples that are trained on, ten seconds as in the paper [1]
@@ -110,14 +107,11 @@ def flight_errors(
     return forecast_errors(model, flight, np.arange(first, len(flight) - 1))
 
 
-Cells = dict[str, dict[str, dict[str, float]]]  # flight -> row -> column -> RMSE [N, N·m]
-
-
 def estimation_table(
     run: Run, models: Mapping[str, Predictor], flown: Mapping[str, Segment], config: dict
-) -> Cells:
-    """Return the errors of every flight, row and column, over every origin from where all models
-    forecast on.
+) -> pd.DataFrame:
+    """Return the errors by (flight, row) and column [N, N·m], over every origin from where all
+    models forecast on; NaN where a row is not published.
 
     Args:
         config: what the models depend on, as of `Workers.run`.
@@ -127,21 +121,20 @@ def estimation_table(
     cases = [{"flight": flight, "model": name} for flight in flown for name in models]
     work = partial(flight_errors, models=models, flown=flown, first=first)
     results = every_result(run.cases("every origin", "", work, cases, config=config))
-    cells: Cells = {}
+    errors = {
+        (case["flight"], OURS[case["model"]]): result
+        for case, result in zip(cases, results, strict=True)
+    }
     for flight, segment in flown.items():
         naive = naive_errors(segment, np.arange(first, len(segment) - 1))
-        rows = PUBLISHED.get(flight, {}) | naive
-        for case, result in zip(cases, results, strict=True):
-            if case["flight"] == flight:
-                rows[OURS[case["model"]]] = result
-        cells[flight] = {name: rows[name] for name in ROWS if name in rows}
-    return cells
+        errors |= {(flight, row): error for row, error in naive.items()}
+    table = pd.concat([PUBLISHED, pd.DataFrame.from_dict(errors, "index")])
+    return table.reindex(pd.MultiIndex.from_product([flown, ROWS]))
 
 
-def ratios(cells: Cells, row: str) -> np.ndarray:
+def ratios(table: pd.DataFrame, row: str) -> np.ndarray:
     """Return the ratio of a row to the published NP, in every cell that has one [1]."""
-    judged = [rows for rows in cells.values() if "NP" in rows]
-    return np.array([rows[row][c] / rows["NP"][c] for rows in judged for c in COLUMNS])
+    return (table.xs(row, level=1) / table.xs("NP", level=1)).dropna().to_numpy().ravel()
 
 
 def run(run: Run, neurobem: Neurobem = None) -> Report:
@@ -152,23 +145,24 @@ def run(run: Run, neurobem: Neurobem = None) -> Report:
     with run.bar("training", 1.0):
         models = {name: train(segments, config).model for name, config in ours.items()}
     settings = {name: dc.asdict(config) for name, config in ours.items()}
-    cells = estimation_table(run, models, tests, settings)
-    below = {row: int((ratios(cells, row) <= 1.0).sum()) for row in OWN}
+    table = estimation_table(run, models, tests, settings)
+    below = {row: int((ratios(table, row) <= 1.0).sum()) for row in UNPUBLISHED}
     shown: list[tuple] = []
-    for flight, rows in cells.items():
+    for flight in tests:
         shown.append((flight, *[""] * len(COLUMNS)))
-        shown += [(name, *(f"{1e3 * of[c]:.3g}" for c in COLUMNS)) for name, of in rows.items()]
+        for row, errors in table.loc[flight].dropna().iterrows():
+            shown.append((row, *(f"{1e3 * error:.3g}" for error in errors)))
     title = (
         "One step (2.5 ms) ahead on real flights, RMSE [mN, mN·m]; NeuroBEM, NeuroMHE, NP "
         "as published"
     )
     lines = [
         {"row": flight, "column": column}
-        | {key: rows[name][column] if name in rows else None for key, name in KEYS.items()}
-        for flight, rows in cells.items()
+        | {key: table.at[(flight, row), column] for key, row in KEYS.items()}
+        for flight in tests
         for column in COLUMNS
     ]
-    count = len(ratios(cells, NAIVE[0]))
+    count = len(ratios(table, NAIVE[0]))
     return Report(
         [(title, ["", *COLUMNS], shown)],
         config={"training": "training segment", **settings},
@@ -192,13 +186,18 @@ FLIGHT = "race track 1"
 # One step ahead on race track 1 [N, N·m]. The paper shows a curve without numbers; these are the
 # ones that the plotting script in its authors' repository (NPU-RCIR/Neural-Predictor) draws. Its
 # estimation table has 0.057 and 0.006 at 4000.
-_FORCE = (0.357, 0.156, 0.127, 0.076, 0.078, 0.082)
-_TORQUE = (0.094, 0.022, 0.011, 0.007, 0.007, 0.006)
-CURVE = [
-    {"row": "NP", "samples": samples, "force": force, "torque": torque}
-    for samples, force, torque in zip(SIZES, _FORCE, _TORQUE, strict=True)
-]
-CURVE.append({"row": "NeuroMHE", "samples": 4000, "force": 0.204, "torque": 0.009})
+CURVE = pd.DataFrame(
+    [
+        ("NP", 1000, 0.357, 0.094),
+        ("NP", 2000, 0.156, 0.022),
+        ("NP", 3000, 0.127, 0.011),
+        ("NP", 4000, 0.076, 0.007),
+        ("NP", 5000, 0.078, 0.007),
+        ("NP", 6000, 0.082, 0.006),
+        ("NeuroMHE", 4000, 0.204, 0.009),
+    ],
+    columns=["row", "samples", *KINDS],
+).to_dict("records")
 
 
 def pieces(segment: Segment, samples: int) -> list[Segment]:
@@ -258,9 +257,9 @@ def sample_efficiency(
     naive = naive_errors(test, np.arange(FIRST, len(test) + LAST))
     tested += [{"row": row, "samples": 0, **_lengths(of)} for row, of in naive.items()]
     points = []
-    for (row, samples), of in pd.DataFrame(tested).groupby(["row", "samples"], sort=False):
-        spread = {kind: of[kind].agg(["mean", "min", "max"]).tolist() for kind in KINDS}
-        points.append({"row": row, "samples": samples, "pieces": len(of), **spread})
+    for (row, samples), group in pd.DataFrame(tested).groupby(["row", "samples"], sort=False):
+        spread = {kind: group[kind].agg(["mean", "min", "max"]).tolist() for kind in KINDS}
+        points.append({"row": row, "samples": samples, "pieces": len(group), **spread})
     return points
 
 
