@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.files.notebook import data_frame, html_table
+from np_drake.finding import Finding
 from np_drake.vehicle.rotor_layout import RotorLayout
 from np_drake.vehicle.vehicle import PowerMap, ThrottleMap
 
@@ -125,10 +126,15 @@ class FlightLog:
     neighbours: tuple[Neighbour, ...] = ()
     throttle_map: ThrottleMap | PowerMap | None = None
     # what a reader derived, differentiated or repaired
-    notes: list[str] = dc.field(default_factory=list)
+    findings: list[Finding] = dc.field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @property
+    def notes(self) -> list[str]:
+        """Lines of the findings, for people."""
+        return list(map(str, self.findings))
 
     @property
     def x(self) -> np.ndarray:
@@ -230,4 +236,4 @@ class FlightLog:
         cut: dict[str, Any] = {
             name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)
         }
-        return dc.replace(self, **cut, notes=list(self.notes))
+        return dc.replace(self, **cut, findings=list(self.findings))

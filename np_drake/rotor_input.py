@@ -8,6 +8,7 @@ import math
 import numpy as np
 import scipy
 
+from np_drake.finding import Finding, Kind
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle.vehicle import Vehicle
 
@@ -20,12 +21,10 @@ def with_rotor_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
         raise ValueError(
             f"with_rotor_input: {log.name} must have columns rotor1 … rotor4; got none."
         )
-    note = (
-        f"no command: thrust and torque from rotor speed and vehicle {vehicle.name!r} "
-        f"(input: rotor_speed)"
-    )
+    text = f"thrust and torque from rotor speed and vehicle {vehicle.name!r} (input: rotor_speed)"
+    finding = Finding(Kind.INPUT, "no command", text)
     u = rotor_wrench(vehicle, log.rotor)
-    return dc.replace(log, u=u, input="rotor_speed", notes=[*log.notes, note])
+    return dc.replace(log, u=u, input="rotor_speed", findings=[*log.findings, finding])
 
 
 def acting_command(log: FlightLog, vehicle: Vehicle) -> np.ndarray:

@@ -19,7 +19,7 @@ DIAGNOSIS = (
     *("gap", "doctor", "report", "diagnose"),
 )
 GROUND = (
-    *("lazy_names", "attitude", "compiled", "checks", "files", "metrics", "vehicle"),
+    *("lazy_names", "attitude", "compiled", "checks", "finding", "files", "metrics", "vehicle"),
     *("flight_log", "rigid_body", "rotor_input", "residual_model", "command_delay", "labels"),
     *(
         "trained_model",
@@ -165,3 +165,48 @@ def test_no_module_of_the_diagnosis_knows_too_many_others():
     files = modules(package)
     many = {module for module, others in arrows(package).items() if len(others) > MOST_IMPORTS}
     assert {m for m in many if files[m].stem != "__init__"} <= {f"{package}.diagnose"}
+
+
+ASKS = {"startswith", "endswith", "removeprefix", "split", "partition", "find", "index", "count"}
+
+
+def looped(nodes: list[ast.AST], lists: set[str]) -> set[str]:
+    """Names of the items of such attributes in loops."""
+    loops = [n for n in nodes if isinstance(n, ast.For | ast.comprehension)]
+    return {getattr(n.target, "id", "") for n in loops if getattr(n.iter, "attr", "") in lists}
+
+
+def branches_on_text(source: str) -> list[int]:
+    """Lines that ask what the text of a finding says, or its line."""
+    nodes = list(ast.walk(ast.parse(source)))
+    findings = {"finding", *looped(nodes, {"findings", "problems"})}
+    lines = looped(nodes, {"notes", "shown"})
+
+    def for_people(node: ast.AST) -> bool:
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "str":
+            return getattr(node.args[0], "id", "") in findings
+        return getattr(node, "attr", "") == "text" or getattr(node, "id", None) in lines
+
+    calls = [n for n in nodes if isinstance(n, ast.Call) and getattr(n.func, "attr", "") in ASKS]
+    compared = [n for n in nodes if isinstance(n, ast.Compare)]
+    asked = [(n, n.func.value) for n in calls]
+    asked += [(n, own) for n in compared for own in (n.left, *n.comparators)]
+    return [node.lineno for node, own in asked if for_people(own)]
+
+
+def test_nothing_branches_on_the_text_of_a_finding():
+    found = {str(path): branches_on_text(source_of(path)) for path in FILES}
+    assert {path: lines for path, lines in found.items() if lines} == {}
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "x = finding.text.startswith('no flight')",
+        "x = 'clips' in str(finding)",
+        "x = [note for note in log.notes if note.startswith('fits')]",
+        "x = [f for f in log.findings if str(f) == 'no flight']",
+    ],
+)
+def test_the_law_on_text_sees_a_breach(source):
+    assert branches_on_text(source)

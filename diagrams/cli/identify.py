@@ -37,6 +37,7 @@ from diagrams.identification.identification_page import (
     write_page,
 )
 from np_drake.files.file_access import plain
+from np_drake.finding import Place, shown_at
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
@@ -54,7 +55,6 @@ from np_drake.identification.quantities import Identified
 from np_drake.identification.signals import common_drive, left_out, signals
 from np_drake.identification.validation import HeldOut
 from np_drake.identification.validation import held_out as errors_on
-from np_drake.logs.formats.format import NO_FLIGHT
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 from np_drake.logs.rotors import tell_directions
@@ -255,8 +255,8 @@ def _read_logs(paths: list[Path], log_map: Path | None, advance: Any) -> list[Op
         advance(READ * number / len(paths), f"reading {path.name}")
         opened.append(read_as_logged(path, declared))
         logs = opened[-1].flights
-        notes = {note for log in logs for note in log.notes if note.startswith(NO_FLIGHT)}
-        require(not notes, f"{path}: {' '.join(notes)}. {REMEDY}")
+        failures = {str(f) for log in logs for f in shown_at(log.findings, Place.FAILURE)}
+        require(not failures, f"{path}: {' '.join(failures)}. {REMEDY}")
         inputs = [log.rotor if log.rotor is not None else log.throttle for log in logs]
         require(
             any(values is None or (values > 0).any() for values in inputs),

@@ -94,13 +94,12 @@ def import_logs(
                 write_log(flight, target)
                 write_sheet(dc.replace(found.sheet, start=flight.start), target)
                 written.append(str(target))
-            sheet = found.sheet.content
-            left += [  # what must be known, and what is left out
-                f"{path.name}: {note}"
-                for note in sheet["notes"]
-                if note in found.said or "left out" in note
-            ]
-            gaps = sheet["gaps"].split(";")[0].replace(" inside gaps bridged or left out", "")
+            left += [f"{path.name}: {line}" for line in found.shown]
+            gaps = (
+                found.sheet.content["gaps"]
+                .split(";")[0]
+                .replace(" inside gaps bridged or left out", "")
+            )
             timing = 1e3 * found.sheet.timing
             rows += [
                 (log.name, float(log.t[-1]), 1 / log.step, log.input, timing, gaps)

@@ -41,7 +41,7 @@ from np_drake.diagnosis.decision.unexplained import (
     find_unexplained,
     measure_remainder,
 )
-from np_drake.diagnosis.doctor.flight_facts import as_lines, doubts
+from np_drake.diagnosis.doctor.flight_facts import findings_on
 from np_drake.diagnosis.fitting import fit_of_subset
 from np_drake.diagnosis.gap import (
     assess_identifiability,
@@ -82,6 +82,7 @@ from np_drake.diagnosis.selection import Ranking, find_map_model, rank_models
 from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.files.number_text import NBSP, number
+from np_drake.finding import joined
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import said_of_bridged
 from np_drake.logs.inputs import usual_voltage, with_hover_thrust, with_throttle_map
@@ -329,7 +330,8 @@ def diagnose(
         replay = replay.of_vehicle(nominal)
     progress(0.0, "residuals")
     fitted, judging = _residuals(logs, nominal)
-    doubted = as_lines(doubt for flight in (*fitted, *judging) for doubt in doubts(flight))
+    findings = [f for flight in (*fitted, *judging) for f in findings_on(flight)]
+    doubted = tuple(map(str, joined(findings)))
     options = options or Options.for_sensors(tolerance_of(fitted).real)
     if material is not None:
         options = options.with_material(material)

@@ -173,7 +173,7 @@ def assess_identifiability(
     train: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals], noise: NoiseModel
 ) -> Identifiability:
     """Return excitation, noise floor and warnings of the logs."""
-    warnings = [f"{e.name}: {note}" for e in [*train, *held_out] for note in e.log.notes]
+    warnings = [f"{e.name}: {note}" for e in [*train, *held_out] for note in e.log.findings]
     if train[0].log.input == "rotor_speed":
         warnings.append(
             "rotor speed is the input: motor_lag, command_delay and clock_offset cannot be told."

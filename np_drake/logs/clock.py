@@ -6,6 +6,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.files.number_text import fixed
+from np_drake.finding import Finding, Kind
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.alignment import G, in_frames
 from np_drake.logs.importing.log_map import LogMap
@@ -39,7 +40,8 @@ def shift_state(log: FlightLog, offset: float) -> FlightLog:
             moved = Signal(log.t, value).linear(wanted[kept])
             norm = np.linalg.norm(moved, axis=1, keepdims=True) if name == "q" else 1.0
             setattr(out, name, moved / norm)
-    out.notes.append(f"state columns shifted by {offset:g} s against the commands")
+    text = f"state columns shifted by {offset:g} s against the commands"
+    out.findings.append(Finding(Kind.CLOCK, "", text))
     return out
 
 
@@ -183,9 +185,9 @@ def _best(moments: np.ndarray) -> tuple[float, np.ndarray]:
 
 def on_one_clock(
     parts: list[Signals], longest: Signals, log_map: LogMap
-) -> tuple[list[Signals], LogMap, list[str]]:
-    """Return the parts of a log and its map without lags that are beyond doubt, and a line on
-    these.
+) -> tuple[list[Signals], LogMap, list[Finding]]:
+    """Return the parts of a log and its map without lags that are beyond doubt, and the
+    finding on these.
 
     Velocity goes with an attitude that is late, as of one motion capture, where its own lag is not
     told or nearer to that than to none, and position with velocity. What the map says of a
@@ -218,4 +220,5 @@ def on_one_clock(
     )
     seen = ", ".join(str(lag) for lag in lags.values() if lag.beyond_doubt)
     stated = ", ".join(f"{name}: {{late: {by:g}}}" for name, by in late.items())
-    return parts, log_map, [f"{seen}: taken out, as by {stated} in a map; late: 0 keeps it"]
+    text = f"taken out, as by {stated} in a map; late: 0 keeps it"
+    return parts, log_map, [Finding(Kind.CLOCK, seen, text)]

@@ -9,6 +9,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.files.number_text import percent
+from np_drake.finding import Finding, Kind
 from np_drake.flight_log import COLUMNS as COLUMNS
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError, place
@@ -164,7 +165,7 @@ def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
     log = FlightLog(**arrays, name=name)  # type: ignore[arg-type]
     extra = [column for column in table.columns if column not in NAMES]
     if extra:
-        log.notes.append(f"columns not used: {shorten(extra)}")
+        log.findings.append(Finding(Kind.LEFT_OUT, "columns not used", shorten(extra)))
     return log
 
 
@@ -270,8 +271,8 @@ LONGEST_GAP = 0.1
 HELD = ("u", "throttle", "throttles", "thrust")  # fields that are held, not interpolated
 
 
-def split_at_gaps(table: Table) -> tuple[list[Table], list[str]]:
-    """Return the parts of a table between long gaps, and one line that says so.
+def split_at_gaps(table: Table) -> tuple[list[Table], list[Finding]]:
+    """Return the parts of a table between long gaps, and the finding on these.
 
     Parts of fewer than `LEAST_ROWS` rows are left out, unless no other is there.
     """
@@ -282,12 +283,12 @@ def split_at_gaps(table: Table) -> tuple[list[Table], list[str]]:
     if len(parts) == 1 or not kept or _usual(t) > LONGEST_GAP / GAP:
         return [table], []
     short = len(parts) - len(kept)
-    note = (
-        f"{len(parts) - 1} gaps longer than {LONGEST_GAP:g} s (the longest "
-        f"{np.diff(t).max():.3g} s): {len(kept)} parts"
-        + (f", {short} with fewer than {LEAST_ROWS} rows left out" if short else "")
-    )
-    return [table.rows(rows) for rows in kept], [note]
+    longest = f"{np.diff(t).max():.3g} s"
+    where = f"{len(parts) - 1} gaps longer than {LONGEST_GAP:g} s (the longest {longest})"
+    text = f"{len(kept)} parts"
+    if short:
+        text += f", {short} with fewer than {LEAST_ROWS} rows left out"
+    return [table.rows(rows) for rows in kept], [Finding(Kind.BREAK, where, text)]
 
 
 def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:

@@ -12,6 +12,7 @@ import yaml
 from np_drake.checks import require
 from np_drake.files.file_access import write_text
 from np_drake.files.yaml_file import read_yaml
+from np_drake.finding import Finding, Kind
 from np_drake.logs.errors import LogError
 from np_drake.vehicle.rotor_layout import RotorLayout
 
@@ -31,14 +32,14 @@ class Sheet:
     motors: their names in the log that was recorded.
     content: everything else, for people.
     start: time of the source's clock at t = 0 [s].
-    said: what stands against any answer from the log, one line each.
+    findings: what stays with the flights of the log.
     """
 
     timing: float = 0.0
     content: dict[str, Any] = dc.field(default_factory=dict)
     rotors: RotorLayout | None = None
     start: float = 0.0
-    said: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     motors: tuple[str, ...] = ()
 
 
@@ -61,7 +62,10 @@ def read_sheet(log: str | Path) -> Sheet:
         timing = float(content.pop("timing", 0.0))
         start = float(content.pop("start", 0.0))
         rotors = _layout(content.pop("rotors", None))
-        said, motors = (tuple(map(str, content.pop(name, ()))) for name in ("said", "motors"))
+        motors = tuple(map(str, content.pop("motors", ())))
+        lines = list(map(str, content.pop("said", ())))
+        kinds = list(map(Kind, content.pop("kinds", ()))) or list(map(_kind_of, lines))
+        findings = [Finding(kind, "", line) for kind, line in zip(kinds, lines, strict=True)]
     except (AttributeError, TypeError, ValueError) as error:
         raise LogError(
             f"{path}: must be a sheet of np-drake import; write it again, or remove it."
@@ -69,7 +73,7 @@ def read_sheet(log: str | Path) -> Sheet:
     require(0 <= timing < 1, f"{path}: timing must be 0 to 1 s; got {timing}.", LogError)
     require(np.isfinite(start), f"{path}: start must be a time [s]; got {start}.", LogError)
     require(len(motors) in (0, 4), f"{path}: motors must name four rotors.", LogError)
-    return Sheet(timing, content, rotors, start, said, motors)
+    return Sheet(timing, content, rotors, start, tuple(findings), motors)
 
 
 def write_sheet(sheet: Sheet, log: str | Path) -> Path:
@@ -82,11 +86,29 @@ def write_sheet(sheet: Sheet, log: str | Path) -> Path:
         "start": sheet.start or None,
         "rotors": sheet.rotors and json.loads(json.dumps(dc.asdict(sheet.rotors))),  # no tuples
         "motors": list(sheet.motors) or None,
-        "said": list(sheet.said) or None,
+        "said": list(map(str, sheet.findings)) or None,
+        "kinds": [finding.kind.value for finding in sheet.findings] or None,
     }
     content = {name: value for name, value in read.items() if value is not None} | sheet.content
     write_text(path, HEAD + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110))
     return path
+
+
+# Beginnings of lines of sheets that state no kinds; of all others readings are left out.
+BEGINNINGS = {
+    "no flight: ": Kind.NO_FLIGHT,
+    "no multicopter: ": Kind.NO_MULTICOPTER,
+    "fits ": Kind.STRETCH,
+    "the log says: the accelerometer clips": Kind.CLIPPING,
+    "the log says: ": Kind.VEHICLE,
+    "the clock runs in ticks of ": Kind.COARSE_CLOCK,
+}
+
+
+def _kind_of(line: str) -> Kind:
+    """Return the kind of a line of a sheet that states none."""
+    kinds = (kind for beginning, kind in BEGINNINGS.items() if line.startswith(beginning))
+    return next(kinds, Kind.LOST)
 
 
 def _layout(content: Any) -> RotorLayout | None:

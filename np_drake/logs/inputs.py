@@ -8,6 +8,7 @@ import scipy
 
 from np_drake.checks import require
 from np_drake.files.number_text import percent
+from np_drake.finding import Finding, Kind
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import GRAVITY
 from np_drake.logs.errors import LogError
@@ -23,7 +24,6 @@ USUAL = 1.5
 SCATTER = 0.5
 # share by which a voltage may differ from its median within a flight [1]; source: own choice
 BELIEVED = 0.3
-NOTE = "thrust from throttle"
 LEAST = 0.02  # throttle below which a rotor stands [1]
 
 
@@ -134,8 +134,13 @@ def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | PowerMap) -> 
         if known is vehicle.throttle
         else "a map that carries the vehicle file's weight"
     )
-    notes = [note for note in log.notes if not note.startswith(NOTE)] + [f"{NOTE} by {whose}"]
-    return dc.replace(log, u=u, input="normalised", throttle_map=known, notes=notes)
+    findings = _replaced(log, Finding(Kind.THROTTLE, "", f"thrust from throttle by {whose}"))
+    return dc.replace(log, u=u, input="normalised", throttle_map=known, findings=findings)
+
+
+def _replaced(log: FlightLog, finding: Finding) -> list[Finding]:
+    """Return the findings on a flight with this one in place of those of its kind."""
+    return [*(other for other in log.findings if other.kind is not finding.kind), finding]
 
 
 def voltage_of(log: FlightLog) -> np.ndarray | None:
@@ -239,8 +244,6 @@ GUESS = 0.1  # `thrust_uncertainty` from which a thrust coefficient is a guess [
 LEAST_SPEED = 10.0  # speed of a rotor that turns [rad/s]
 # of the file's uncertainty beyond which its coefficient is another vehicle's [1]
 MOST_DEVIATIONS = 3.0
-COEFFICIENT_NOTE = "thrust coefficient"
-FAR = f"{COEFFICIENT_NOTE} of another vehicle"  # beginning of a note that says so
 
 
 def with_hover_thrust(
@@ -265,15 +268,12 @@ def with_hover_thrust(
         thrust_coefficient=factor * vehicle.thrust_coefficient,
         torque_coefficient=factor * vehicle.torque_coefficient,
     ).check()
-    note = _coefficient_note(vehicle, fitted.thrust_coefficient)
+    finding = _of_coefficient(vehicle, fitted.thrust_coefficient)
 
     def noted(log: FlightLog) -> FlightLog:
         if not _by_speed(log):
             return log
-        return dc.replace(
-            with_rotor_input(log, fitted),
-            notes=[*[other for other in log.notes if not other.startswith(COEFFICIENT_NOTE)], note],
-        )
+        return dc.replace(with_rotor_input(log, fitted), findings=_replaced(log, finding))
 
     return fitted, [noted(log) for log in train], [noted(log) for log in held_out]
 
@@ -282,7 +282,7 @@ def _by_speed(log: FlightLog) -> bool:
     return log.input == "rotor_speed" and log.rotor is not None
 
 
-def _coefficient_note(vehicle: Vehicle, coefficient: float) -> str:
+def _of_coefficient(vehicle: Vehicle, coefficient: float) -> Finding:
     """Return what was taken in the place of the file's guess, and whether it is beyond its
     uncertainty.
     """
@@ -290,15 +290,16 @@ def _coefficient_note(vehicle: Vehicle, coefficient: float) -> str:
     given = f"{vehicle.thrust_coefficient:.4g} ± {percent(spread)} N/(rad/s)², a guess in the file"
     times = coefficient / vehicle.thrust_coefficient
     if abs(np.log(times)) > MOST_DEVIATIONS * spread:
-        return (
-            f"{FAR}: rotor speed carries {vehicle.mass:.4g} kg with {times:.2g} times that "
-            f"of {vehicle.name!r}, "
-            f"{given}; check vehicle and mass"
+        text = (
+            f"rotor speed carries {vehicle.mass:.4g} kg with {times:.2g} times that of "
+            f"{vehicle.name!r}, {given}; check vehicle and mass"
         )
-    return (
-        f"{COEFFICIENT_NOTE} {coefficient:.4g}, with which rotor speed carries "
+        return Finding(Kind.COEFFICIENT, "thrust coefficient of another vehicle", text)
+    text = (
+        f"thrust coefficient {coefficient:.4g}, with which rotor speed carries "
         f"{vehicle.mass:.4g} kg, in the place of {given}"
     )
+    return Finding(Kind.COEFFICIENT, "", text)
 
 
 def _speed_and_lift(logs: Sequence[FlightLog], vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
@@ -356,11 +357,12 @@ def with_vehicle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     chosen = chosen_input(log, vehicle)
     wanted = vehicle.input
     if wanted not in (chosen, "command"):
-        note = (
-            f"no {WORDS[wanted]}: thrust and torque from {WORDS[chosen]}, though vehicle "
-            f"{vehicle.name!r} says input: {wanted}"
+        text = (
+            f"thrust and torque from {WORDS[chosen]}, though vehicle {vehicle.name!r} says input: "
+            f"{wanted}"
         )
-        log = dc.replace(log, notes=[*log.notes, note])
+        finding = Finding(Kind.INPUT, f"no {WORDS[wanted]}", text)
+        log = dc.replace(log, findings=[*log.findings, finding])
     if chosen == "rotor_speed":
         return with_rotor_input(log, vehicle)
     if chosen == "normalised":

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.checks import require
+from np_drake.finding import Finding, Kind
 from np_drake.flight_log import FlightLog, Neighbour
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import log_file, neurobem
@@ -218,12 +219,12 @@ def _beside(log: FlightLog, others: Sequence[FlightLog], least: float) -> Flight
     return dc.replace(
         log,
         neighbours=(*log.neighbours, *paths),
-        notes=log.notes + [_checked(log, path, least) for path in paths],
+        findings=log.findings + [_checked(log, path, least) for path in paths],
     )
 
 
-def _checked(log: FlightLog, path: Neighbour, least: float) -> str:
-    """Return a note on what a neighbour covers of a flight, and how near it comes.
+def _checked(log: FlightLog, path: Neighbour, least: float) -> Finding:
+    """Return a finding on what a neighbour covers of a flight, and how near it comes.
 
     Raises: LogError: if the two would touch.
     """
@@ -239,10 +240,8 @@ def _checked(log: FlightLog, path: Neighbour, least: float) -> str:
         )
     above = away[known, 2] > 0
     share = "" if known.mean() > WHOLE else f" for {100 * known.mean():.0f} % of the flight"
-    return (
-        f"beside {path.name}{share}: nearest {distance.min():.2f} m, below it "
-        f"{100 * above.mean():.0f} % of that time"
-    )
+    text = f"nearest {distance.min():.2f} m, below it {100 * above.mean():.0f} % of that time"
+    return Finding(Kind.NEIGHBOUR, f"beside {path.name}{share}", text)
 
 
 SHORTEST = 3.0  # part of a flight that can be diagnosed [s]
@@ -356,18 +355,15 @@ def _parts(found: Opened) -> list[FlightLog]:
     if len(parts) == 1:
         return [dc.replace(parts[0], name=path.name)]
     kept = [log for log in parts if log.t[-1] - log.t[0] >= SHORTEST] or parts
-    note = (
-        [f"{len(parts) - len(kept)} parts shorter than {SHORTEST:g} s left out"]
-        if len(kept) < len(parts)
-        else []
-    )
+    text = f"{len(parts) - len(kept)} parts shorter than {SHORTEST:g} s left out"
+    short = [Finding(Kind.LEFT_OUT, "", text)] if len(kept) < len(parts) else []
     return [
         dc.replace(
             log,
             name=f"{path.name} part {i}",
-            notes=[*log.notes, *note]
+            findings=[*log.findings, *short]
             if i == 1
-            else [own for own in log.notes if own not in kept[0].notes],
+            else [other for other in log.findings if other not in kept[0].findings],
         )
         for i, log in enumerate(kept, start=1)
     ]

@@ -17,6 +17,7 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
+from np_drake.finding import Finding, Kind
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.laws import stretches
@@ -191,7 +192,7 @@ FOUND = 0.3
 TURNS = 0.2
 # log likelihood ratio from which an order is preferred to another [nat]; own choice: 1 in 22,000
 SURE = 10.0
-NOTE = "rotor columns"
+COLUMNS = "rotor columns are"  # begins what is found of their order
 Seen = Mapping[RotorLayout | None, Sequence[Evidence]]
 
 
@@ -317,18 +318,18 @@ def _ordered(
         f"{_figures(best)}, not {_figures(own)})"
     )
     if len(as_built) > 1:
-        note = (
-            f"{NOTE} are hardly in the order of vehicle {vehicle.name!r}; no flight tells in "
-            f"which: {seen}"
+        where = (
+            f"{COLUMNS} hardly in the order of vehicle {vehicle.name!r}; no flight tells in which"
         )
-        return dc.replace(log, notes=[*log.notes, note])
+        return _with_finding(log, Finding(Kind.ROTOR_ORDER, where, seen))
     if not as_built and turns:
-        note = (
+        text = (
             f"the board is turned by {turns[0]} deg about z against the rotors of vehicle "
             f"{vehicle.name!r} and was turned back, as board_turn: {turns[0]} in a map does; in "
             f"its axes these are {seen}"
         )
-        return _with_board_turned(dc.replace(log, notes=[*log.notes, note]), turns[0])
+        log = _with_finding(log, Finding(Kind.INPUT, "", text))
+        return _with_board_turned(log, turns[0])
     if not as_built:
         remedy = "Correct the vehicle file."
         if tuple(-d for d in best.directions) == _directions(best, vehicle):
@@ -346,13 +347,18 @@ def _ordered(
     if turns:
         seen = f"{seen}, or the board is turned: board_turn: {turns[0]} in a map"
     if given_log.layout is not None:
-        note = (
-            f"{NOTE} are not in the order that {given_log.layout.source} states, but turn "
-            f"the vehicle as {seen}"
+        text = (
+            f"{COLUMNS} not in the order that {given_log.layout.source} states, but turn the "
+            f"vehicle as {seen}"
         )
-        return _reordered(dc.replace(log, notes=given_log.notes), turned, note)
-    note = f"{NOTE} are not in the order of vehicle {vehicle.name!r} and were put into it: {seen}"
-    return _reordered(log, turned, note)
+        log = dc.replace(log, findings=given_log.findings)
+        return _reordered(log, turned, Finding(Kind.ROTOR_ORDER, "", text))
+    where = f"{COLUMNS} not in the order of vehicle {vehicle.name!r} and were put into it"
+    return _reordered(log, turned, Finding(Kind.ROTOR_ORDER, where, seen))
+
+
+def _with_finding(log: FlightLog, finding: Finding) -> FlightLog:
+    return dc.replace(log, findings=[*log.findings, finding])
 
 
 def _directions(order: RotorOrder, vehicle: Vehicle) -> tuple[float, ...]:
@@ -418,31 +424,21 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
         if not is_each(log.balance):
             raise
         # Their collective thrust is told all the same.
-        return dc.replace(
-            log,
-            balance=None,
-            layout=None,
-            motors=(),
-            notes=[*log.notes, f"the balance of the rotors is not used: {error}"],
-        )
+        finding = Finding(Kind.INPUT, "the balance of the rotors is not used", str(error))
+        return _with_finding(dc.replace(log, balance=None, layout=None, motors=()), finding)
     layout = log.layout
     log = dc.replace(log, layout=None)
     if order == list(range(4)):
         return log
     taken = ", ".join(log.motors[i] if log.motors else f"{i + 1} of the log" for i in order)
-    return _reordered(
-        log, order, f"rotors 1, 2, 3, 4 of the vehicle file are {taken} ({layout.source})"
-    )
+    text = f"rotors 1, 2, 3, 4 of the vehicle file are {taken} ({layout.source})"
+    return _reordered(log, order, Finding(Kind.INPUT, "", text))
 
 
-def _reordered(log: FlightLog, order: list[int], note: str) -> FlightLog:
+def _reordered(log: FlightLog, order: list[int], finding: Finding) -> FlightLog:
     columns = {name: getattr(log, name)[:, order] for name in EACH if is_each(getattr(log, name))}
-    return dc.replace(
-        log,
-        **columns,
-        motors=tuple(log.motors[i] for i in order) if log.motors else (),
-        notes=[*log.notes, note],
-    )
+    motors = tuple(log.motors[i] for i in order) if log.motors else ()
+    return _with_finding(dc.replace(log, **columns, motors=motors), finding)
 
 
 def _better(best: RotorOrder, own: RotorOrder) -> bool:

@@ -9,6 +9,7 @@ import scipy
 
 from np_drake import attitude
 from np_drake.checks import require
+from np_drake.finding import Finding, Kind
 from np_drake.flight_log import FlightLog
 
 LIFT_BAND = 4.0  # of a measured lift [Hz]; own choice: below motor lag
@@ -28,11 +29,11 @@ def with_accelerations(log: FlightLog) -> FlightLog:
         return log
     a = smooth_derivative(log.v, log.t, BANDWIDTH) if log.a is None else log.a
     al = smooth_derivative(log.w, log.t, BANDWIDTH) if log.al is None else log.al
-    note = (
+    text = (
         f"{', '.join(new)} differentiated smoothly (zero phase, {BANDWIDTH:g} Hz): they "
         "use the future, figures one step ahead are not causal"
     )
-    return dc.replace(log, a=a, al=al, notes=[*log.notes, note])
+    return dc.replace(log, a=a, al=al, findings=[*log.findings, Finding(Kind.DERIVED, "", text)])
 
 
 def smooth_derivative(value: np.ndarray, t: np.ndarray, bandwidth: float) -> np.ndarray:

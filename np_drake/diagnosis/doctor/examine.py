@@ -18,10 +18,9 @@ from np_drake.checks import require
 from np_drake.diagnosis.calibration import nuisance_of, with_fixed_effects
 from np_drake.diagnosis.doctor.flight_facts import (
     FlightFacts,
-    as_lines,
-    doubts,
+    findings_on,
     flight_facts,
-    law_doubts,
+    law_findings,
 )
 from np_drake.diagnosis.gap import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.numerics import Gram, NoiseModel, scale_only
@@ -53,9 +52,9 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, effect_of, effects_for
 from np_drake.files.file_access import plain
 from np_drake.files.number_text import number
+from np_drake.finding import Finding, Kind, Place, joined, shown_at
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import LOOKS
-from np_drake.logs.importing.parts import FITS
 from np_drake.logs.inputs import with_hover_thrust
 from np_drake.vehicle import Vehicle
 
@@ -379,8 +378,7 @@ class Answer:
 class LogReport:
     """Result of `examine`.
 
-    usable: whether anything can be diagnosed; problems: what stands against it, or limits it, one
-    line each.
+    usable: whether anything can be diagnosed; problems: what stands against it, or limits it.
     excitation: RMS values and spans over all flights; with the vehicle's where one is given.
     residual_force: by axis of B, RMS of the residual force over weight, nothing fitted [1]; empty
         without a vehicle.
@@ -389,7 +387,7 @@ class LogReport:
 
     flights: tuple[FlightFacts, ...]
     usable: bool
-    problems: tuple[str, ...]
+    problems: tuple[Finding, ...]
     vehicle: str = ""
     sensors: str = ""
     excitation: dict[str, float] = dc.field(default_factory=dict)
@@ -399,7 +397,7 @@ class LogReport:
 
     def as_json(self) -> dict[str, Any]:
         """Return the report in plain types; values that are not finite become None."""
-        return plain(dc.asdict(self))
+        return plain({**dc.asdict(self), "problems": [str(problem) for problem in self.problems]})
 
 
 MOST_SECONDS = 120.0  # of a flight from which effects are answered for [s]; own choice: memory
@@ -441,25 +439,26 @@ def examine(
         dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {})))
         for log in logs
     )
-    own = [doubt for log in logs for doubt in law_doubts(log)]
-    wrong = list(as_lines(doubt for doubt in own if doubt.fails))
-    limits = []
-    for f in facts:
-        limits += [f"{f.name}: {note}" for note in f.notes if note.startswith(FITS)]
+    findings = [finding for log in logs for finding in law_findings(log)]
+    wrong = joined(shown_at(findings, Place.FAILURE))
+    problems = list(wrong)
+    for log, f in zip(logs, facts, strict=True):
+        problems += [finding.of(log.name) for finding in shown_at(log.findings, Place.LIMIT)]
         if f.bridged > MOST_GAPS * f.rows:
-            limits.append(f"{f.name}: {f.bridged / f.rows:.0%} of the rows were put into gaps")
+            text = f"{f.bridged / f.rows:.0%} of the rows were put into gaps"
+            problems.append(Finding(Kind.LIMITED, f.name, text))
         if f.saturated is not None and f.saturated > MOST_SATURATED:
-            limits.append(f"{f.name}: a rotor is at its limit in {f.saturated:.0%} of the rows")
-    problems = wrong + limits
+            text = f"a rotor is at its limit in {f.saturated:.0%} of the rows"
+            problems.append(Finding(Kind.LIMITED, f.name, text))
     long_enough = [log for log in logs if log.t[-1] - log.t[0] >= LEAST_DURATION]
     if not long_enough:
-        problems.append(f"no flight lasts {LEAST_DURATION:g} s: fly longer")
+        where = f"no flight lasts {LEAST_DURATION:g} s"
+        problems.append(Finding(Kind.LIMITED, where, "fly longer"))
     if vehicle is None or not long_enough or wrong:
         if vehicle is None:
-            problems.append(
-                "no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)"
-            )
-        problems += as_lines(doubt for doubt in own if not doubt.fails)
+            text = "effects are not judged (np-drake doctor --vehicle FILE)"
+            problems.append(Finding(Kind.LIMITED, "no vehicle file", text))
+        problems += joined(shown_at(findings, Place.ANSWER))
         fastest = {
             key: max(f.motion[key] for f in facts)
             for key in ("speed [m/s]", "rate [rad/s]", "tilt [deg]")
@@ -482,7 +481,7 @@ def _with_answers(
     logs = [log.rows(0, int((log.t <= log.t[0] + MOST_SECONDS).sum())) for log in logs]
     step = common_step([log.t for log in logs], len(logs))
     flights = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
-    first_of_all = [doubt for e in flights for doubt in doubts(e)]
+    findings = [finding for e in flights for finding in findings_on(e)]
     moving = excitation(flights)
     options = options_of(flights, real=True if any(f.imported for f in report.flights) else None)
     nuisance = nuisance_of(flights, options.tolerance, options.priors)
@@ -501,8 +500,8 @@ def _with_answers(
     force = np.sqrt(np.mean(y**2, axis=0)) / flights[0].weight
     return dc.replace(
         report,
-        usable=not still and not any(doubt.fails for doubt in first_of_all),
-        problems=(*as_lines(first_of_all), *report.problems, *still),
+        usable=not still and not shown_at(findings, Place.FAILURE),
+        problems=(*joined(findings), *report.problems, *still),
         sensors="real" if options.tolerance.real else "ideal",
         excitation=moving,
         residual_force=dict(zip("xyz", force.tolist(), strict=True)),
@@ -511,17 +510,18 @@ def _with_answers(
     )
 
 
-def nothing_moves(moving: Mapping[str, float], logs: Sequence[FlightLog]) -> tuple[str, ...]:
+def nothing_moves(moving: Mapping[str, float], logs: Sequence[FlightLog]) -> tuple[Finding, ...]:
     """Return that flights do not move, and what to fly; empty where they do."""
     if excited(dict(moving)):
         return ()
     speed = number(moving["speed [m/s]"], 2)
     rate = number(moving["rate [rad/s]"], 2)
     logged = "" if any("velocity" in log.lacks for log in logs) else f"speed {speed} m/s, "
-    return (
-        f"nothing moves ({logged}rates {rate} rad/s): fly sprints in both horizontal directions, "
-        "climbs, and turns about every axis, for a minute",
+    text = (
+        "fly sprints in both horizontal directions, climbs, and turns about every axis, for a "
+        "minute"
     )
+    return (Finding(Kind.LIMITED, f"nothing moves ({logged}rates {rate} rad/s)", text),)
 
 
 def _require(logs: Sequence[FlightLog]) -> None:

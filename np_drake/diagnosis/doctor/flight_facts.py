@@ -5,18 +5,17 @@ diagnosis before its answer.
 """
 
 import dataclasses as dc
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
+from np_drake.finding import Finding, Kind, Place, shown_at
 from np_drake.flight_log import FlightLog
-from np_drake.logs import inputs, rotors
 from np_drake.logs.clock import FINEST, Lag, lag_of, state_lags
 from np_drake.logs.columns import LOOKS, UNLOGGED
-from np_drake.logs.formats.format import CLIPS, NO_FLIGHT, SAYS
 from np_drake.logs.importing.laws import (
     OPPOSED,
     SCALE,
@@ -27,7 +26,7 @@ from np_drake.logs.importing.laws import (
 )
 from np_drake.logs.importing.log_map import GRAVITY
 from np_drake.logs.importing.parts import lift_of
-from np_drake.logs.importing.signals import TICKS, Signal
+from np_drake.logs.importing.signals import Signal
 from np_drake.logs.rotors import torque_agreement
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
@@ -90,40 +89,14 @@ MOST_ROWS = 60_000
 LEAST_STEP = 0.02  # of the rows on which it is looked for [s]
 
 
-@dc.dataclass(frozen=True)
-class Doubt:
-    """A reason to doubt all answers from a flight. fails: a law fails, and the flight is not
-    usable.
-    """
-
-    flight: str
-    what: str
-    fails: bool = False
-
-
-def as_lines(found: Iterable[Doubt]) -> tuple[str, ...]:
-    """Return one line for each reason, which names all its flights."""
-    flights: dict[str, list[str]] = {}
-    for doubt in found:
-        flights.setdefault(doubt.what, []).append(doubt.flight)
-    return tuple(f"{', '.join(names)}: {what}" for what, names in flights.items())
-
-
-def doubts(flight: FlightResiduals) -> list[Doubt]:
+def findings_on(flight: FlightResiduals) -> list[Finding]:
     """Return what stands against a flight with a vehicle, the residual first."""
     log = flight.log
-    # What a reader found of order and coefficient of the rotors, which is not that of the
-    # vehicle file, and what the vehicle says of itself.
-    known = (rotors.NOTE, inputs.COEFFICIENT_NOTE, SAYS, TICKS)
-    return [
-        *_residual(flight),
-        *_torque(flight),
-        *law_doubts(log),
-        *([Doubt(log.name, note) for note in log.notes if note.startswith(known)]),
-    ]
+    stated = [finding.of(log.name) for finding in shown_at(log.findings, Place.ANSWER)]
+    return [*_residual(flight), *_torque(flight), *law_findings(log), *stated]
 
 
-def law_doubts(log: FlightLog) -> list[Doubt]:
+def law_findings(log: FlightLog) -> list[Finding]:
     """Return what stands against a flight without knowing its vehicle."""
     t, x = _evenly(log)
     own = misfits(t, x)
@@ -133,16 +106,16 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
             f"the attitude never tilts ({1e3 * tilt:.2g} mrad) where the vehicle accelerates "
             f"sideways ({1e3 * needed:.0f} mrad): its pose is planar"
         )
-        return [Doubt(log.name, what, fails=True)]
+        return [Finding(Kind.CONTRADICTION, log.name, what)]
     aside = told_by_noise(own)
     failed = failing(own)
-    found = [Doubt(log.name, note, fails=True) for note in log.notes if note.startswith(NO_FLIGHT)]
-    clips = any(note.startswith(CLIPS) for note in log.notes)
+    findings = [finding.of(log.name) for finding in shown_at(log.findings, Place.FAILURE)]
+    clips = any(finding.kind is Kind.CLIPPING for finding in log.findings)
     noisy = [law for law in aside if not (clips and law.startswith("velocity"))]
     lift = [law for law in failed if law.startswith("lift")]
     if other := [law for law in failed if law not in (*aside, *lift)]:
-        laws = f"{', '.join(other)} contradict each other"
-        found.append(Doubt(log.name, f"{laws}; check columns, frames and units", fails=True))
+        text = f"{', '.join(other)} contradict each other; check columns, frames and units"
+        findings.append(Finding(Kind.CONTRADICTION, log.name, text))
     if lift:
         opposed = any(own[law] >= OPPOSED for law in lift)
         what = f"{_misfit(lift, own)}: horizontal acceleration is not along the thrust axis"
@@ -151,21 +124,20 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
             if opposed
             else "another force acts, or the attitude is wrong"
         )
-        found.append(Doubt(log.name, f"{what}; {why}", fails=opposed))
+        kind = Kind.CONTRADICTION if opposed else Kind.DOUBT
+        findings.append(Finding(kind, log.name, f"{what}; {why}"))
     if noisy:
-        found.append(
-            Doubt(log.name, f"{_misfit(noisy, own)}: no more than noise or drift of a sensor")
-        )
+        text = f"{_misfit(noisy, own)}: no more than noise or drift of a sensor"
+        findings.append(Finding(Kind.DOUBT, log.name, text))
     late = ", ".join(
         f"{lag.late} {1e3 * lag.seconds:+.0f} ms after {lag.early}"
         for lag in lags_of_state(log).values()
         if lag.beyond_doubt
     )
     if late:
-        found.append(
-            Doubt(log.name, f"{late}: stamps of two clocks; np-drake import takes that out")
-        )
-    return found
+        text = f"{late}: stamps of two clocks; np-drake import takes that out"
+        findings.append(Finding(Kind.DOUBT, log.name, text))
+    return findings
 
 
 def _misfit(laws: Sequence[str], own: dict[str, float]) -> str:
@@ -197,7 +169,7 @@ def _evenly(log: FlightLog, finest: float = LEAST_STEP) -> tuple[np.ndarray, dic
     return even, at
 
 
-def _residual(e: FlightResiduals) -> list[Doubt]:
+def _residual(e: FlightResiduals) -> list[Finding]:
     share = np.sqrt(np.mean(e.y[~e.outliers, FORCE] ** 2, axis=0)) / e.weight
     worst = int(np.argmax(share))
     if share[worst] <= MOST_RESIDUAL:
@@ -206,11 +178,12 @@ def _residual(e: FlightResiduals) -> list[Doubt]:
         f"the vehicle file misses {share[worst]:.0%} of the weight along body {'xyz'[worst]}: "
         "check mass, thrust coefficient, units and columns before any answer"
     )
-    return [Doubt(e.name, what, fails=bool(share[2] > NO_LIFT))]
+    kind = Kind.CONTRADICTION if share[2] > NO_LIFT else Kind.DOUBT
+    return [Finding(kind, e.name, what)]
 
 
-def _torque(e: FlightResiduals) -> list[Doubt]:
-    """Return the doubts about the torque by its correlation with J dw/dt + w x J w, and by the size
+def _torque(e: FlightResiduals) -> list[Finding]:
+    """Return the findings on the torque by its correlation with J dw/dt + w x J w, and by the size
     of both.
     """
     found = torque_agreement(e.log, e.vehicle) if e.knows_torque else None
@@ -233,7 +206,8 @@ def _torque(e: FlightResiduals) -> list[Doubt]:
                 "and torque coefficient"
             )
         if what:
-            out.append(Doubt(e.name, f"torque about body {axis} {what}", fails=True))
+            text = f"torque about body {axis} {what}"
+            out.append(Finding(Kind.CONTRADICTION, e.name, text))
     return out
 
 
@@ -295,7 +269,7 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
         lags=lags(log, vehicle),
         motion=_motion(log),
         saturated=_saturated(log, vehicle),
-        notes=tuple(log.notes),
+        notes=tuple(map(str, log.findings)),
     )
 
 

@@ -28,6 +28,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.checks import require
 from np_drake.files.file_access import decompressed_start
+from np_drake.finding import Finding, Kind
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox_frames import (
     BATTERY,
@@ -57,6 +58,7 @@ from np_drake.logs.formats.format import (
     Progress,
     Recording,
     Scanned,
+    StatedBreak,
     Stream,
     expanded,
     first_source,
@@ -203,7 +205,7 @@ def motors(contents: Contents) -> Motors:
         else Source()
     )
     if len(columns) != 4:
-        return Motors(throttle, notes=of_collective(len(columns)))
+        return Motors(throttle, findings=of_collective(len(columns)))
     first = partial(first_source, contents)
     speed = first("main/omegaUnfiltered[{0,1,2,3}]", "main/omega[{0,1,2,3}]", unit="rad/s")
     poles = settings.get("motor_poles", 0)
@@ -558,17 +560,18 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     session = _largest(known)
     alike = [s for s in known if s.columns == session.columns and s.scales == session.scales]
     others = [str(s.number) for s in known if s not in alike]
-    said = [f"{line}; left out" for line in bad]
+    findings = [Finding(Kind.LEFT_OUT, "", f"{line}; left out") for line in bad]
     if len(alike) > 1:
-        said.append(f"{len(known)} logs in one file: each begins a part")
+        head = f"{len(known)} logs in one file"
+        findings.append(Finding(Kind.BREAK, head, "each begins a part"))
     if others:
-        said.append(
+        text = (
             f"logs {', '.join(others)} of {len(known)} have other fields or scales than "
             f"{session.number}; left out"
         )
+        findings.append(Finding(Kind.LEFT_OUT, "", text))
     parts: list[dict[str, Stream]] = []
-    breaks: list[tuple[float, str]] = []
-    notes: list[str] = []
+    breaks: list[StatedBreak] = []
     latest = -np.inf
     for own in alike:
         streams, told = _decoded(own, content, wanted)
@@ -577,16 +580,16 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             parts.append(streams)
             times = np.concatenate([stream.t for stream in streams.values()])
             if latest < times.min(initial=np.inf) < np.inf and len(parts) > 1:
-                breaks.append((float(times.min()), "another log begins"))
+                breaks.append(StatedBreak(float(times.min()), "another log begins"))
             latest = max(latest, times.max(initial=-np.inf))
-        notes += _odd(f"log {own.number}: " if len(known) > 1 else "", told, streams.get(BODY))
+        findings += _odd(f"log {own.number}" if len(known) > 1 else "", told, streams.get(BODY))
     require(
         parts,
         f"{path}: must hold a whole I frame after its header; it has none. {REMEDY}.",
         LogError,
     )
     streams = {name: _joined([part[name] for part in parts]) for name in wanted}
-    return Recording(str(path), streams, _facts(session), tuple(notes), tuple(said), tuple(breaks))
+    return Recording(str(path), streams, _facts(session), tuple(findings), tuple(breaks))
 
 
 def _largest(known: Sequence[_Session]) -> _Session:
@@ -641,25 +644,25 @@ def _joined(parts: Sequence[Stream]) -> Stream:
     )
 
 
-def _odd(which: str, told: np.ndarray, body: Stream | None) -> Iterator[str]:
-    """Yield notes on what is damaged, and on the rows whose axes are not told."""
+def _odd(which: str, told: np.ndarray, body: Stream | None) -> Iterator[Finding]:
+    """Yield findings on what is damaged, and on the rows whose axes are not told."""
     if told[DAMAGED]:
-        yield (
-            f"{which}damaged at {told[DAMAGED]} place{'s' if told[DAMAGED] > 1 else ''}; "
-            f"the frames there, and "
-            f"{told[LEFT_OUT]} behind up to the next I frame, are left out."
+        text = (
+            f"damaged at {told[DAMAGED]} place{'s' if told[DAMAGED] > 1 else ''}; the frames "
+            f"there, and {told[LEFT_OUT]} behind up to the next I frame, are left out."
         )
+        yield Finding(Kind.LEFT_OUT, which, text)
     if not told[ENDED]:
-        yield (
-            f"{which}no end of the log (cut off, or the power was lost); its whole frames are kept."
-        )
+        text = "no end of the log (cut off, or the power was lost); its whole frames are kept."
+        yield Finding(Kind.DETAIL, which, text)
     if body is not None and len(body):
         count = int(np.sum(np.isnan(next(iter(body.columns.values())))))
         if count:
-            yield (
-                f"{which}the first {body.t[count] - body.t[0]:.2f} s are before the turn of the "
+            text = (
+                f"the first {body.t[count] - body.t[0]:.2f} s are before the turn of the "
                 f"IMU is learnt; left out."
             )
+            yield Finding(Kind.LEFT_OUT, which, text)
 
 
 def _facts(session: _Session) -> dict[str, str]:

@@ -31,6 +31,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.files.file_access import decompressed_start
+from np_drake.finding import Finding, Kind
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import (
     Contents,
@@ -137,21 +138,21 @@ def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     return Recording(str(path), streams, facts, _end(content, end, sizes))
 
 
-def _end(content: bytes, end: int, sizes: Mapping[int, int]) -> tuple[str, ...]:
-    """Return what there is to say of the end of a log, behind its last whole record."""
+def _end(content: bytes, end: int, sizes: Mapping[int, int]) -> tuple[Finding, ...]:
+    """Return the finding on the end of a log, behind its last whole record."""
     rest = content[end:]
     if len(rest) == 4 and struct.unpack("<I", rest)[0] == zlib.crc32(content[:end]):
         return ()
     if len(rest) >= min(sizes.values()) and int.from_bytes(rest[:2], "little") not in sizes:
-        return (
-            f"byte {end}: a record of no known event type; what follows is left out (damaged log).",
-        )
+        text = "a record of no known event type; what follows is left out (damaged log)."
+        return (Finding(Kind.LEFT_OUT, f"byte {end}", text),)
     if len(rest) == 4:
-        return ("the checksum does not fit: some values may be damaged, or the log is cut.",)
-    return (
-        f"the log is cut (no checksum); {len(rest)} bytes after its last whole record are left "
-        "out.",
+        text = "some values may be damaged, or the log is cut."
+        return (Finding(Kind.DETAIL, "the checksum does not fit", text),)
+    text = (
+        f"the log is cut (no checksum); {len(rest)} bytes after its last whole record are left out."
     )
+    return (Finding(Kind.LEFT_OUT, "", text),)
 
 
 def _floats(values: np.ndarray) -> np.ndarray:
@@ -242,14 +243,15 @@ def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     variables, at = _variables(path, content)
     record = np.dtype([(name, kind) for name, kind in variables])
     pieces: list[bytes] = []
-    notes: tuple[str, ...] = ()
+    findings = list[Finding]()
     while at < len(content):
         end = at + 1 + content[at] * record.itemsize
         if end + 4 > len(content):
-            notes = (
+            text = (
                 f"the log is cut; {len(content) - at} bytes after its last whole block are left "
-                "out.",
+                "out."
             )
+            findings.append(Finding(Kind.LEFT_OUT, "", text))
             break
         pieces.append(content[at + 1 : end])
         at = end + 4
@@ -265,7 +267,8 @@ def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     if len(odd := np.flatnonzero(steps > LONGEST_PAUSE)):
         rows = rows[: odd[0]]
         steps = steps[: odd[0]]
-        notes += (f"row {odd[0] + 1}: the time is damaged; what follows is left out.",)
+        text = "the time is damaged; what follows is left out."
+        findings.append(Finding(Kind.LEFT_OUT, f"row {odd[0] + 1}", text))
     t = 1e-6 * float(ticks[0]) + np.cumsum(steps)
     names = wanted.get(TABLE, ())
     q = _quaternions(rows[QUATERNION]) if QUATERNION in dict(variables) else {}
@@ -274,7 +277,7 @@ def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
         str(path),
         {TABLE: Stream(t, columns)},
         {"log version": "0, in blocks", "clock": "time since the start of the firmware [s]"},
-        notes,
+        tuple(findings),
     )
 
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.files.file_access import decompressed_start, uncompressed
+from np_drake.finding import Finding, Kind
 from np_drake.logs.errors import LogError, optional_package, refusing_damage
 from np_drake.logs.formats.format import (
     COUNTED,
@@ -32,6 +33,7 @@ from np_drake.logs.formats.format import (
     Progress,
     Recording,
     Scanned,
+    StatedBreak,
     Stream,
     first_source,
     no_progress,
@@ -120,13 +122,13 @@ def motors(contents: Contents) -> Motors:
         )
     )
     if count != 4:
-        return Motors(throttle, notes=of_collective(count, kind))
+        return Motors(throttle, findings=of_collective(count, kind))
     moved = f"motors are on the outputs {', '.join(map(str, outputs))} (SERVOn_FUNCTION)"
     return Motors(
         throttle,
         Source(_escs(contents, outputs), "rpm"),
         _layout(parameters),
-        notes=() if outputs == [1, 2, 3, 4] else (moved,),
+        findings=() if outputs == [1, 2, 3, 4] else (Finding(Kind.INPUT, "", moved),),
         names=tuple(f"ArduPilot motor {n}" for n in (1, 2, 3, 4)),
     )
 
@@ -225,9 +227,9 @@ MOST_VIBRATION = 30.0  # of VIBE [m/s²]. Source: ArduPilot, "Measuring Vibratio
 
 def shaken(
     t: np.ndarray, clips: np.ndarray, vibrations: np.ndarray, name: str
-) -> tuple[tuple[int, ...], list[str]]:
+) -> tuple[tuple[int, ...], list[Finding]]:
     """Return the axes along which an accelerometer clips, all as ArduPilot does not tell which, and
-    the line on vibration, if any.
+    the finding on vibration, if any.
 
     Args:
         t: (n,) times at which they are logged [s].
@@ -379,22 +381,23 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     log = _Log(path, lambda share: progress(0.7 * share))
     streams = {name: _stream(log, name, columns) for name, columns in wanted.items()}
     progress(1.0)
-    notes = (
-        f"{path}: times are those since boot",
-        *([f"{path}: {log.lost} bytes are no whole record"] if log.lost > 0 else ()),
-    )
+    findings = [Finding(Kind.DETAIL, str(path), "times are those since boot")]
+    if log.lost > 0:
+        text = f"{log.lost} bytes are no whole record"
+        findings.append(Finding(Kind.DETAIL, str(path), text))
     messages = (name.partition(".")[0] for name in wanted)
     since, lane = _lanes(log, next((message for message in messages if message in LANES), ""))
     breaks = tuple(
-        (
+        StatedBreak(
             float(t),
             f"the autopilot switches from core {before:g} of its estimator to core {after:g}",
         )
         for t, before, after in zip(since[1:], lane[:-1], lane[1:], strict=True)
     )
-    clips, said = _shaken(log)
+    clips, shakes = _shaken(log)
+    findings += shakes
     return Recording(
-        str(path), streams, _facts(log), notes, tuple(said), breaks, tuple(_errors(log)), clips
+        str(path), streams, _facts(log), tuple(findings), breaks, tuple(_errors(log)), clips
     )
 
 
@@ -406,7 +409,7 @@ def _errors(log: _Log) -> Iterator[tuple[float, str]]:
             yield _number(t) * 1e-6, SUBSYSTEMS[number - 1]
 
 
-def _shaken(log: _Log) -> tuple[tuple[int, ...], list[str]]:
+def _shaken(log: _Log) -> tuple[tuple[int, ...], list[Finding]]:
     """Return what `shaken` does of VIBE, of its first instance."""
     message = log.messages.get("VIBE")
     if message is None or not message.time or not set(VIBRATIONS) <= set(message.numbers):

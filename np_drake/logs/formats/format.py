@@ -2,13 +2,15 @@
 
 import dataclasses as dc
 import difflib
+import enum
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from np_drake.files.file_access import decompressed, require_plain_file
+from np_drake.finding import Finding, Kind
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.vehicle.rotor_layout import RotorLayout
@@ -36,17 +38,34 @@ class Stream:
         return len(self.t)
 
 
+class Certainty(enum.Enum):
+    """What follows from a break that a log states."""
+
+    BREAKS = "breaks"
+    """A part ends there and another begins."""
+    IF_SHOWN = "if_shown"
+    """The same, if position or attitude jumps there."""
+    ENDS = "ends"
+    """The flight ends there."""
+
+
+class StatedBreak(NamedTuple):
+    """Time [s] at which a log states a switch, with the reason."""
+
+    t: float
+    reason: str
+    certainty: Certainty = Certainty.BREAKS
+
+
 @dc.dataclass(frozen=True)
 class Recording:
     """Streams of one file by name.
 
     path: of the file, for messages.
-    facts: what its header says (vehicle, firmware, parameters), for the sheet. notes: what the
-        decoder left out or mended, one line each.
-    said: more of them, which the screen says as well. breaks: times [s] at which the log states a
-        switch, with the reason; one that ends in `?` is a break where it shows, one that ends in
-        `!` the end of the flight.
-    events: times [s] of what the vehicle says of itself, with what it is.
+    facts: what its header says (vehicle, firmware, parameters), for the sheet.
+    findings: what the decoder left out or mended, and what the vehicle reports.
+    breaks: switches that the log states.
+    events: times [s] of what the vehicle reports, with what it is.
     clips: body axes along which the accelerometer reaches its limit in more samples than
         `FEW_CLIPS`.
     units: that the file states, by column.
@@ -55,9 +74,8 @@ class Recording:
     path: str
     streams: Mapping[str, Stream]
     facts: Mapping[str, str] = dc.field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    said: tuple[str, ...] = ()
-    breaks: tuple[tuple[float, str], ...] = ()
+    findings: tuple[Finding, ...] = ()
+    breaks: tuple[StatedBreak, ...] = ()
     events: tuple[tuple[float, str], ...] = ()
     clips: tuple[int, ...] = ()
     units: Mapping[str, str] = dc.field(default_factory=dict)
@@ -67,18 +85,23 @@ class Recording:
         """Names of the columns of every stream."""
         return {name: tuple(stream.columns) for name, stream in self.streams.items()}
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Lines of the findings, for people."""
+        return tuple(map(str, self.findings))
 
-NO_FLIGHT = "no flight: "  # beginning of a line on a log of which nothing can be identified
-SAYS = "the log says: "  # beginning of a line on what a vehicle says of itself
-CLIPS = f"{SAYS}the accelerometer clips"
+
 CUT = "the log ends within a message (cut off)"
+CUT_OFF = Finding(Kind.DAMAGE, "", f"{CUT}; its whole messages are kept")
+REPORTS = "the log says"  # place of what a vehicle reports
 FEW_CLIPS = 0.01  # share of samples that may clip [1]; own choice
 COUNTED = 1000.0  # least rate of an accelerometer whose samples that clip are counted [Hz]
 
 
-def shaking(level: float, most: float, name: str) -> list[str]:
-    """Return the line on an IMU that shakes by more than its autopilot allows [m/s²], or none."""
-    return [f"{SAYS}the IMU shakes by more than {most:g} m/s2 ({name})"] if level > most else []
+def shaking(level: float, most: float, name: str) -> list[Finding]:
+    """Return that an IMU shakes by more than its autopilot allows [m/s²], or nothing."""
+    text = f"the IMU shakes by more than {most:g} m/s2 ({name})"
+    return [Finding(Kind.VEHICLE, REPORTS, text)] if level > most else []
 
 
 class Scanned(dict[str, tuple[str, ...]]):
@@ -122,24 +145,27 @@ class Motors:
     rotor_speed: of four, in that order.
     layout: where these four are; None: not stated, or they are not four.
     names: of these four; empty: those of their columns.
-    notes: one line each. unit: whether the log states that of the throttle; otherwise outputs are
+    findings: on them. unit: whether the log states that of the throttle; otherwise outputs are
         pulses or DShot counts.
     """
 
     throttle: Source = dc.field(default_factory=Source)
     rotor_speed: Source = dc.field(default_factory=Source)
     layout: RotorLayout | None = None
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     unit: bool = True
     names: tuple[str, ...] = ()
 
 
-def of_collective(count: int, kind: str = "") -> tuple[str, ...]:
-    """Return the line on motors that are not four, after the kind of their frame; none of four."""
+def of_collective(count: int, kind: str = "") -> tuple[Finding, ...]:
+    """Return the finding on motors that are not four, with the kind of their frame; none of
+    four.
+    """
     if count in (0, 4):
         return ()
-    motors = f"{count} motors: their collective thrust alone is taken, torque is not told"
-    return (f"{kind}, {motors}" if kind else motors,)
+    motors = ", ".join(filter(None, (kind, f"{count} motors")))
+    text = "their collective thrust alone is taken, torque is not told"
+    return (Finding(Kind.INPUT, motors, text),)
 
 
 def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, str]:

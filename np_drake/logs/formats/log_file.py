@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.checks import require
+from np_drake.finding import Finding, Kind
 from np_drake.flight_log import FlightLog
 from np_drake.logs import columns
 from np_drake.logs.columns import bridge_gaps, check_table, split_at_gaps
@@ -74,9 +75,11 @@ def read(path: str | Path) -> list[FlightLog]:
             log.rotor, *missing = without_zeros(Signal(log.t, log.rotor))
             gone = np.any(missing, axis=(0, 2))
             bridged = bridged | gone
-            log.notes += [f"{DROPOUTS}: {gone.sum()} rows filled in"] if gone.any() else []
+            if gone.any():
+                text = f"{gone.sum()} rows filled in"
+                log.findings.append(Finding(Kind.BRIDGED, DROPOUTS, text))
         log.bridged = bridged if bridged.any() else None
-        log.notes[:0] = [*split, *sheet.said]
+        log.findings[:0] = [*split, *sheet.findings]
         log.timing = sheet.timing
         log.layout = sheet.rotors
         log.start = sheet.start

@@ -98,7 +98,7 @@ def read(path: str | Path) -> list[FlightLog]:
             bridged=bridged if bridged.any() else None,
             input="rotor_speed",
             name=file if len(parts) == 1 else f"{file} part {number}",
-            notes=list(split),
+            findings=list(split),
         )
         check_units(log, path)
         logs.append(log)

@@ -29,6 +29,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.files.file_access import note_input, size_of
+from np_drake.finding import Finding, Kind
 from np_drake.logs.errors import LogError, one_line, optional_package, refusing_damage
 from np_drake.logs.formats.format import (
     Contents,
@@ -89,11 +90,11 @@ class _Bag:
     ros1: bool = False
     storages: list[Any] = dc.field(default_factory=list)
     topics: dict[str, _Topic] = dc.field(default_factory=dict)
-    notes: list[str] = dc.field(default_factory=list)
+    findings: list[Finding] = dc.field(default_factory=list)
 
     def messages(self, topics: Iterable[str]) -> Iterator[tuple[str, Any, Any]]:
         """Yield topic, time of receipt [ns] and bytes of all messages, as they lie in the files; a
-        damaged end becomes a note.
+        damaged end becomes a finding.
         """
         for storage in self.storages:
             wanted = [c for t in topics for s, c in self.topics[t].sources if s is storage]
@@ -104,7 +105,8 @@ class _Bag:
             except MemoryError as error:
                 raise LogError(f"{self.path}: {one_line(error)}") from error
             except Exception as error:  # whatever may be met in damaged bytes
-                self.notes.append(f"reading ended before the end of the bag ({one_line(error)})")
+                text = f"reading ended before the end of the bag ({one_line(error)})"
+                self.findings.append(Finding(Kind.DETAIL, str(self.path), text))
 
 
 def _unpacked(kind: str, data: bytes) -> bytes:
@@ -228,7 +230,12 @@ def _add_file(
     adjacent = (path.with_name(path.name + end) for end in JOURNALS if start.startswith(SQLITE))
     if journals := [file for file in adjacent if file.is_file() and file.stat().st_size]:
         path = stack.enter_context(_completed(path, journals))
-        bag.notes += [f"what its recorder left in {file.name} is read with it" for file in journals]
+        bag.findings += [
+            Finding(
+                Kind.DETAIL, str(bag.path), f"what its recorder left in {file.name} is read with it"
+            )
+            for file in journals
+        ]
     bag.ros1 = start.startswith(ROS1)
     kind = next((reader for magic, reader in readers.items() if start.startswith(magic)), None)
     if kind is None:
@@ -257,7 +264,7 @@ def _completed(path: Path, journals: Iterable[Path]) -> Iterator[Path]:
 
 
 def _find_topics(bag: _Bag) -> None:
-    """Find the topics whose types are known; the others become notes."""
+    """Find the topics whose types are known; the others become findings."""
     from rosbags.typesys import Stores, get_typestore
 
     known: dict[Any, Any] = {}  # stores of types by definition
@@ -281,16 +288,16 @@ def _find_topics(bag: _Bag) -> None:
         try:
             store.get_msgdef(kind)
         except Exception as error:  # of the library, which does not know a part of it
-            bag.notes.append(
-                f"{connection.topic} is left out: the type {one_line(error)} is not defined"
-            )
+            text = f"{connection.topic} is left out: the type {one_line(error)} is not defined"
+            bag.findings.append(Finding(Kind.LEFT_OUT, str(bag.path), text))
             continue
         decode = store.deserialize_ros1 if bag.ros1 else store.deserialize_cdr
         topic = bag.topics.setdefault(connection.topic, _Topic(kind, decode))
         if kind == topic.type:
             topic.sources.append((storage, connection))
         else:
-            bag.notes.append(f"{connection.topic}: its messages of type {kind} are left out")
+            text = f"{connection.topic}: its messages of type {kind} are left out"
+            bag.findings.append(Finding(Kind.LEFT_OUT, str(bag.path), text))
 
 
 def _types_of(kind: str, definition: Any) -> dict[str, Any]:
@@ -323,7 +330,7 @@ def _contents(path: Path) -> Contents:
                 LogError,
             )
     if not contents:
-        why = f"; {bag.notes[-1]}" if bag.notes else ""
+        why = f"; {bag.findings[-1].text}" if bag.findings else ""
         raise LogError(
             f"{path}: must hold messages with numbers of known types; there are none{why}."
         )
@@ -426,8 +433,8 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         name: Stream(times[name], dict(zip(wanted[name], numbers.T, strict=True)))
         for name, (_, _, numbers) in read.items()
     }
-    notes = [*dict.fromkeys([*bag.notes, *damaged]), *clocks]
-    return Recording(str(path), streams, facts, tuple(f"{path}: {note}" for note in notes))
+    read_as = [Finding(Kind.DETAIL, str(path), text) for text in (*damaged, *clocks)]
+    return Recording(str(path), streams, facts, tuple(dict.fromkeys([*bag.findings, *read_as])))
 
 
 def _times(

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.finding import Finding
 from np_drake.logs.columns import COLUMNS, FORCE, THRUST
 from np_drake.logs.formats import parquet_file, text_table
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, indexed
@@ -114,11 +115,11 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     needed = list(dict.fromkeys([*names, *([time] if time else [])])) or list(known[:1])
     if is_parquet(path):
         columns = parquet_file.read_columns(path, needed)
-        notes = list[str]()
+        findings = list[Finding]()
         units = stated_units(known)
         progress(1.0)
     else:
-        columns, notes = text_table.read_columns(path, needed, progress)
+        columns, findings = text_table.read_columns(path, needed, progress)
         units = {**stated_units(known), **text_table.read_layout(path).units}
     length = len(next(iter(columns.values()), ()))
     t = columns[time] * UNITS["time"][TIMES[time]] if time else np.full(length, np.nan)
@@ -127,7 +128,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
         str(path),
         {STREAM: Stream(t, {name: columns[name] for name in names})},
         {"clock": clock},
-        tuple(notes),
+        tuple(findings),
         units=units,
     )
 

@@ -18,18 +18,20 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
+from np_drake.finding import Finding, Kind
 from np_drake.logs.columns import LEAST_ROWS
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats import dataflash, ulog
 from np_drake.logs.formats.format import (
     CUT,
-    NO_FLIGHT,
+    CUT_OFF,
     Contents,
     Format,
     Motors,
     Progress,
     Recording,
     Scanned,
+    StatedBreak,
     Stream,
     first_source,
     indexed,
@@ -249,15 +251,17 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     facts = {"clock": "time since the vehicle's boot [s]"}
     maker = AUTOPILOTS.get(int(_parameters(log)["MAV_AUTOPILOT"]))
     facts |= {"autopilot": maker} if maker else {}
-    cut = (f"{CUT}; its whole messages are kept",) if log.cut else ()
-    notes = (f"{log.lost} bytes are of no message",) if log.lost else ()
-    breaks = tuple((float(t), "the vehicle boots again") for t in clock.breaks)
+    findings = [CUT_OFF] if log.cut else []
+    if log.lost:
+        findings.append(Finding(Kind.DETAIL, "", f"{log.lost} bytes are of no message"))
+    breaks = tuple(StatedBreak(float(t), "the vehicle boots again") for t in clock.breaks)
     warned = [(stamp, m.text) for stamp, m in log.messages(TEXT) if m.severity <= ulog.WARNS]
     at = clock.of(np.array([t for t, _ in warned]), np.full(len(warned), np.nan))
     events = tuple((float(t), repr(text)) for t, (_, text) in zip(at, warned, strict=True))
     stamps, rows = log.rows(VIBRATION, VIBRATIONS)
-    clips, said = dataflash.shaken(stamps, rows[:, 3:], rows[:, :3], "VIBRATION")
-    return Recording(str(path), streams, facts, notes, (*cut, *said), breaks, events, clips)
+    clips, shakes = dataflash.shaken(stamps, rows[:, 3:], rows[:, :3], "VIBRATION")
+    findings += shakes
+    return Recording(str(path), streams, facts, tuple(findings), breaks, events, clips)
 
 
 def motors(contents: Contents) -> Motors:
@@ -323,7 +327,7 @@ def default_map(contents: Contents) -> LogMap | None:
     still = [name for name, columns in contents.items() if not columns]
     require(
         log_map.throttle or log_map.rotor_speed or not still,
-        f"{NO_FLIGHT}the motors do not carry the vehicle; no output of {' and '.join(still)} ever "
+        f"no flight: the motors do not carry the vehicle; no output of {' and '.join(still)} ever "
         "changes. Bring the log of a flight.",
     )
     return log_map if log_map.tells_motion else None

@@ -32,6 +32,7 @@ from np_drake.files.file_access import (
     note_input,
     text_budget,
 )
+from np_drake.finding import Finding, Kind
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Progress, indexed, no_progress
@@ -471,8 +472,8 @@ def _row_by_row(
 
 def read_columns(
     path: Path, names: Sequence[str], progress: Progress
-) -> tuple[dict[str, np.ndarray], list[str]]:
-    """Return columns (n,) by name, and notes; a last row that is cut off is left out.
+) -> tuple[dict[str, np.ndarray], list[Finding]]:
+    """Return columns (n,) by name, and findings; a last row that is cut off is left out.
 
     Raises: LogError: one line with file, row and column, at a cell that is no number or a row of a
         wrong length.
@@ -481,24 +482,23 @@ def read_columns(
     wanted = [cell for cell in layout.cells if not set(cell.names).isdisjoint(names)]
     columns, faults = read_cells(path, layout, wanted, progress)
     progress(1.0)
-    notes = []
+    findings = []
     last = len(next(iter(columns.values()), ())) - 1
     if faults:
         fault = faults[0]
         if fault.row < last or not last or fault.cell or fault.count > layout.width:
             raise _refused(path, fault, layout.width)
         columns = {name: column[:-1] for name, column in columns.items()}
-        notes.append(
-            f"line {fault.line}, the last, is cut off: it has {fault.count} of {layout.width} "
-            f"cells; left out"
-        )
+        text = f"it has {fault.count} of {layout.width} cells; left out"
+        where = f"line {fault.line}, the last, is cut off"
+        findings.append(Finding(Kind.LEFT_OUT, where, text))
     style = {
         "the line of units below the header is no row": bool(layout.units),
         "numbers have a decimal comma": layout.comma,
         "the text is no UTF-8; read as Windows-1252": layout.encoding == "cp1252",
     }
-    notes += [note for note, holds in style.items() if holds]
-    return {name: columns[name] for name in names}, notes
+    findings += [Finding(Kind.DETAIL, "", text) for text, holds in style.items() if holds]
+    return {name: columns[name] for name in names}, findings
 
 
 def _refused(path: Path, fault: Fault, width: int) -> LogError:

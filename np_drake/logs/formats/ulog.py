@@ -19,19 +19,21 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
+from np_drake.finding import Finding, Kind
 from np_drake.logs.columns import LEAST_ROWS
 from np_drake.logs.errors import LogError, optional_package, refusing_damage
 from np_drake.logs.formats.format import (
     COUNTED,
-    CUT,
+    CUT_OFF,
     FEW_CLIPS,
-    NO_FLIGHT,
+    Certainty,
     Contents,
     Format,
     Motors,
     Progress,
     Recording,
     Scanned,
+    StatedBreak,
     Stream,
     first_source,
     indexed,
@@ -93,13 +95,13 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
     positions = {
         tuple(parameters.get(f"CA_ROTOR{n}_P{axis}", float(n)) for axis in "XY") for n in lifting
     }
-    notes = of_collective(count, "coaxial rotors" if len(positions) < len(lifting) else "")
+    findings = of_collective(count, "coaxial rotors" if len(positions) < len(lifting) else "")
     four = 4 in (len(throttle.columns), len(speed.columns))
     return Motors(
         throttle,
         speed,
         _layout(parameters, lifting) if four else None,
-        notes,
+        findings,
         unit=throttle.unit != "us" or bool(throttle.ends),
         names=tuple(f"PX4 motor {n + 1}" for n in lifting or range(4)) if four else (),
     )
@@ -502,9 +504,8 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     log, cut = _parse(Path(path), sorted({name.split(".")[0] for name in wanted} | told), progress)
     streams: dict[str, Stream] = {}
     delays: dict[str, float] = {}
-    notes: list[str] = []
-    said = [f"{CUT}; its whole messages are kept"] if cut else []
-    resets: list[tuple[float, str]] = []
+    findings = list[Finding]()
+    resets: list[StatedBreak] = []
     for name, columns in wanted.items():
         parts = [data.data for data in log.data_list if _stream_name(data) == name]
         require(
@@ -527,20 +528,21 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         if delay is not None:
             delays[name] = delay
         if not timed.all():
-            notes.append(f"{name}: {np.sum(~timed)} rows without a time are left out.")
+            text = f"{np.sum(~timed)} rows without a time are left out."
+            findings.append(Finding(Kind.LEFT_OUT, name, text))
         flags = {c: data[c] for c in sorted(known) if c in VALID or c.endswith("reset_counter")}
-        notes += _validity(name, t, flags)
+        findings += _validity(name, t, flags)
         never = [c.removesuffix("_valid") for c in VALID if c in flags and not flags[c].any()]
-        said += [f"{name}: {', '.join(never)} never valid"] if never else []
+        if never:
+            findings.append(Finding(Kind.DAMAGE, name, f"{', '.join(never)} never valid"))
         resets += _resets(t, flags)
-    notes = [*_damage(log), *_timing(wanted, delays), *notes]
-    clips, clipped, shakes = _shaken(log)
+    clips, shakes = _shaken(log)
+    ending = [CUT_OFF] if cut else []
     return Recording(
         str(path),
         streams,
         _facts(log),
-        (*notes, *clipped),
-        (*said, *shakes),
+        (*ending, *_damage(log), *_timing(wanted, delays), *findings, *shakes),
         tuple(resets),
         tuple(_events(log)),
         clips,
@@ -565,13 +567,12 @@ def _events(log: Any) -> Iterator[tuple[float, str]]:
             yield (message.timestamp - log.start_timestamp) / 1e6, f"{message.message!r}"
 
 
-def _shaken(log: Any) -> tuple[tuple[int, ...], list[str], list[str]]:
+def _shaken(log: Any) -> tuple[tuple[int, ...], list[Finding]]:
     """Return the axes along which the accelerometer clips, by the flags and counters of the log,
-    notes on these, and lines on vibration.
+    and findings on these and on vibration.
     """
     shares = np.zeros(3)
-    notes = []
-    said = list[str]()
+    findings = list[Finding]()
     for data in log.data_list:
         values = data.data
         seconds = float(np.ptp(data.data["timestamp"])) / 1e6
@@ -582,15 +583,16 @@ def _shaken(log: Any) -> tuple[tuple[int, ...], list[str], list[str]]:
             most = len(values[FLAGS])
         elif data.name == COUNTERS:
             counts = np.array([np.ptp(values.get(c, 0)) for c in indexed("accel_clipping", 3)])
-            said += shaking(
+            findings += shaking(
                 float(np.median(values.get("accel_vibration_metric", 0))),
                 MOST_VIBRATION,
                 "accel_vibration_metric",
             )
         if np.any(counts):
-            notes.append(f"{data.name}: {counts.sum():.0f} samples of the accelerometer clip.")
+            text = f"{counts.sum():.0f} samples of the accelerometer clip."
+            findings.append(Finding(Kind.DETAIL, data.name, text))
         shares = np.maximum(shares, counts / max(most, 1.0))
-    return tuple(np.flatnonzero(shares > FEW_CLIPS).tolist()), notes, said
+    return tuple(np.flatnonzero(shares > FEW_CLIPS).tolist()), findings
 
 
 def _times(
@@ -609,54 +611,57 @@ def _times(
     return since / 1e6, None
 
 
-def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iterator[str]:
-    """Yield a note for every part of an estimate that is not valid throughout, and one for its
+def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iterator[Finding]:
+    """Yield a finding for every part of an estimate that is not valid throughout, and one for its
     resets.
     """
     for column in VALID:
         good = flags.get(column, np.ones(1)) != 0
         if not good.all():
             first = f"first valid at {t[good][0]:.2f} s" if good.any() else "never valid"
-            yield f"{name}: {column} is 0 in {100 * np.mean(~good):.0f} % of the rows; {first}."
+            text = f"{column} is 0 in {100 * np.mean(~good):.0f} % of the rows; {first}."
+            yield Finding(Kind.DETAIL, name, text)
     resets = {c: int(np.sum(v[1:] != v[:-1])) for c, v in flags.items() if c not in VALID}
-    said = ", ".join(f"{c.removesuffix(RESETS)} {n}" for c, n in resets.items() if n)
-    if said:
-        yield f"{name}: the estimate jumps at its resets ({said})."
+    counts = ", ".join(f"{c.removesuffix(RESETS)} {n}" for c, n in resets.items() if n)
+    if counts:
+        yield Finding(Kind.DETAIL, name, f"the estimate jumps at its resets ({counts}).")
 
 
-def _resets(t: np.ndarray, flags: Mapping[str, np.ndarray]) -> list[tuple[float, str]]:
+def _resets(t: np.ndarray, flags: Mapping[str, np.ndarray]) -> list[StatedBreak]:
     """Return the times at which a counter of resets changes, and of what; where the estimate jumps
     there, it breaks.
     """
     counters = {
         c.removesuffix(RESETS.strip("_")).strip("_"): v for c, v in flags.items() if c not in VALID
     }
-    return sorted(
-        (float(t[k + 1]), f"the estimator resets {c or 'its state'}?")
+    resets = [
+        StatedBreak(float(t[k + 1]), f"the estimator resets {c or 'its state'}", Certainty.IF_SHOWN)
         for c, v in counters.items()
         for k in np.flatnonzero(np.diff(v.astype(float)))
-    )
+    ]
+    return sorted(resets, key=lambda stated: stated[:2])
 
 
-def _timing(names: Iterable[str], delays: Mapping[str, float]) -> Iterator[str]:
+def _timing(names: Iterable[str], delays: Mapping[str, float]) -> Iterator[Finding]:
     """Yield what the times of the streams are."""
     if delays:
-        said = ", ".join(f"{name} ({1000 * delay:.1f} ms)" for name, delay in delays.items())
-        yield f"times are those of the sample, not of the message (median delay): {said}."
+        each = ", ".join(f"{name} ({1000 * delay:.1f} ms)" for name, delay in delays.items())
+        head = "times are those of the sample, not of the message (median delay)"
+        yield Finding(Kind.DETAIL, head, f"{each}.")
     if commands := ", ".join(name for name in names if COMMANDS.fullmatch(name)):
-        yield f"times are those at which a command was published: {commands}."
+        head = "times are those at which a command was published"
+        yield Finding(Kind.DETAIL, head, f"{commands}.")
 
 
-def _damage(log: Any) -> Iterator[str]:
-    """Yield notes on what is damaged, and on what the logger lost."""
+def _damage(log: Any) -> Iterator[Finding]:
+    """Yield findings on what is damaged, and on what the logger lost."""
     if log.file_corruption:
-        yield "the log is damaged; messages that could not be read are left out."
+        text = "the log is damaged; messages that could not be read are left out."
+        yield Finding(Kind.DAMAGE, "", text)
     lost = np.array([dropout.duration for dropout in log.dropouts]) / 1000
     if len(lost):
-        yield (
-            f"dropouts of the logger: {len(lost)}, {lost.sum():.3f} s together, the longest "
-            f"{lost.max():.3f} s."
-        )
+        text = f"{len(lost)}, {lost.sum():.3f} s together, the longest {lost.max():.3f} s."
+        yield Finding(Kind.DETAIL, "dropouts of the logger", text)
 
 
 def _facts(log: Any) -> dict[str, str]:
@@ -740,7 +745,7 @@ def _default_map(contents: Contents) -> LogMap | None:
     still = [name for name in contents if values.get(f"{name}/{MOVES}", 1.0) == 0]
     require(
         "actuator_motors" not in still and (driven or not still),
-        f"{NO_FLIGHT}the motors do not carry the vehicle; no column of {' and '.join(still)} ever "
+        f"no flight: the motors do not carry the vehicle; no column of {' and '.join(still)} ever "
         "changes. Bring the log of a flight.",
     )
     for name, columns in contents.items() if not driven else ():

@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
+from np_drake.finding import Finding, Kind
 from np_drake.logs.columns import GAP, LOOKS, UNLOGGED
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import GRAVITY, LogMap, Source, convert_quantity
@@ -31,14 +32,14 @@ class Aligned:
     """Quantities as `convert` returns them, at common times t (n,) [s].
 
     filled: (n,) bool, rows that lie within a gap of a signal.
-    notes: what was derived, one line each.
+    findings: what was derived.
     torn: (n,) bool, of these, rows within a gap that no line bridges.
     """
 
     t: np.ndarray
     values: dict[str, np.ndarray]
     filled: np.ndarray
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     torn: np.ndarray
 
 
@@ -53,9 +54,9 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     while the body turns.
     Raises: LogError: if the signals do not overlap.
     """
-    notes: list[str] = []
+    findings: list[Finding] = []
     t, width = _rows(signals, log_map, path)
-    x = in_frames(signals, log_map, notes)
+    x = in_frames(signals, log_map, findings)
     q = x["attitude"]
     rates = x["rates"]
     p = x["position"]
@@ -114,7 +115,7 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
             inside = slice(after, np.searchsorted(t, own.t[k + 1]))
             filled[inside] = True
             torn[inside] |= is_torn[k]
-    return Aligned(t, out, filled, tuple(notes), torn)
+    return Aligned(t, out, filled, tuple(findings), torn)
 
 
 def _is_torn(own: Signal) -> np.ndarray:
@@ -131,13 +132,13 @@ def _is_torn(own: Signal) -> np.ndarray:
     return missed > GAP**2 * own.step * np.percentile(bend[1:-1], USUAL)
 
 
-def in_frames(signals: Signals, log_map: LogMap, notes: list[str]) -> dict[str, Signal]:
+def in_frames(signals: Signals, log_map: LogMap, findings: list[Finding]) -> dict[str, Signal]:
     """Return signals in our frames at their own times; body rates and velocity also where they have
     to be derived.
     """
     q_own = convert_quantity("attitude", signals["attitude"].values, log_map)
     q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0]))
-    x = {"attitude": q, "rates": _rates(signals, log_map, q, notes)}
+    x = {"attitude": q, "rates": _rates(signals, log_map, q, findings)}
     x |= {
         name: Signal(
             own.t, convert_quantity(name, own.values, log_map, q.turned(x["rates"], own.t))
@@ -146,7 +147,7 @@ def in_frames(signals: Signals, log_map: LogMap, notes: list[str]) -> dict[str, 
         if name not in x
     }
     if "velocity" not in x and "position" in x:
-        x["velocity"] = _differentiated(x["position"], notes)
+        x["velocity"] = _differentiated(x["position"], findings)
     return x
 
 
@@ -201,19 +202,21 @@ def _averaged_after(own: Signal, at: np.ndarray, width: float) -> np.ndarray:
     return own.averaged(at + 0.5 * width * (width >= FASTER * own.step), width)
 
 
-def _rates(signals: Signals, log_map: LogMap, q: Signal, notes: list[str]) -> Signal:
+def _rates(signals: Signals, log_map: LogMap, q: Signal, findings: list[Finding]) -> Signal:
     if "rates" in signals:
         own = signals["rates"]
         near = q.linear(own.t)
         near /= np.linalg.norm(near, axis=1, keepdims=True)
         return Signal(own.t, convert_quantity("rates", own.values, log_map, near))
-    notes.append("rates: none in the log; differentiated from attitude")
+    text = "none in the log; differentiated from attitude"
+    findings.append(Finding(Kind.DETAIL, "rates", text))
     return q.rate
 
 
-def _differentiated(p: Signal, notes: list[str]) -> Signal:
+def _differentiated(p: Signal, findings: list[Finding]) -> Signal:
     """Return the velocity of a position by local parabolas, none of which reaches over a gap."""
-    notes.append(f"velocity: none in the log; position differentiated over {SMOOTH} s")
+    text = f"none in the log; position differentiated over {SMOOTH} s"
+    findings.append(Finding(Kind.DETAIL, "velocity", text))
     length = max(5, 2 * round(0.5 * SMOOTH / p.step) + 1)
     edges = np.flatnonzero(np.diff(p.t) > GAP * p.step) + 1
     times = []
@@ -259,8 +262,8 @@ FINEST = 0.002  # between two attitudes: body rates that are denser are averaged
 
 def with_whole_motion(
     signals: Signals, log_map: LogMap
-) -> tuple[dict[str, Signal], LogMap, tuple[str, ...], list[str]]:
-    """Return signals and map with attitude and position, and what the log lacks, with a note on
+) -> tuple[dict[str, Signal], LogMap, tuple[str, ...], list[Finding]]:
+    """Return signals and map with attitude and position, and what the log lacks, with a finding on
     each.
 
     Without attitude it is that of the body rates, from yaw zero, kept level by the accelerometer;
@@ -270,7 +273,7 @@ def with_whole_motion(
     """
     found = dict(signals)
     lacks = []
-    notes = []
+    findings = []
     if "attitude" not in found:
         left = [name for name in LACKS if found.pop(name, None) is not None]
         found["attitude"] = _levelled(found, log_map)
@@ -278,14 +281,13 @@ def with_whole_motion(
             log_map, attitude=Source(["integral of rates"] * 4, world="enu", body="flu")
         )
         lacks.append("attitude")
-        notes.append(
-            f"attitude: none in the log; rates integrated, levelled by the accelerometer "
-            f"below {LEVEL:g} Hz, and what "
-            "acts through attitude cannot be told"
+        text = (
+            f"none in the log; rates integrated, levelled by the accelerometer below {LEVEL:g} Hz, "
+            "and what acts through attitude cannot be told"
         )
-        notes += [
-            f"{name}: left out; without attitude it says nothing of the body" for name in left
-        ]
+        findings.append(Finding(Kind.DERIVED, "attitude", text))
+        text = "left out; without attitude it says nothing of the body"
+        findings += [Finding(Kind.DERIVED, name, text) for name in left]
     for name, rate in (("velocity", "acceleration"), ("position", "velocity")):
         if "position" in found or name in found:
             continue
@@ -295,11 +297,9 @@ def with_whole_motion(
         }
         log_map = dc.replace(log_map, **world)
         lacks.append(LACKS[name])
-        notes.append(
-            f"{name}: none in the log; {rate} integrated, and what acts through {name} "
-            f"cannot be told"
-        )
-    return found, log_map, tuple(lacks), notes
+        text = f"none in the log; {rate} integrated, and what acts through {name} cannot be told"
+        findings.append(Finding(Kind.DERIVED, name, text))
+    return found, log_map, tuple(lacks), findings
 
 
 def _levelled(signals: Signals, log_map: LogMap) -> Signal:

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
+from np_drake.finding import Finding, Kind, joined
 from np_drake.logs.columns import GAP, LEAST_ROWS
-from np_drake.logs.formats.format import Recording, Stream
+from np_drake.logs.formats.format import Certainty, Recording, StatedBreak, Stream
 from np_drake.logs.importing.alignment import LONGEST_BRIDGE, POSE, in_frames
 from np_drake.logs.importing.laws import stretches
 from np_drake.logs.importing.log_map import UNITS, LogMap, convert_quantity
@@ -30,7 +31,7 @@ ABRUPT = 8.0
 FROZEN = "the pose repeats while the gyro turns"
 STATED = 0.3  # share of both that is enough where the log itself states a reset [1]; own choice
 AROUND = 8  # intervals before and after a jump with which it is compared [1]
-MOST_SAID = 5  # breaks that are named one by one
+MOST_NAMED = 5  # breaks that are named one by one
 LASTS = 3  # samples after which a jump is still there, and no single bad sample [1]
 
 
@@ -38,11 +39,14 @@ LASTS = 3  # samples after which a jump is still there, and no single bad sample
 class Break:
     """A part breaks off with the samples at `before` and another begins with those at `after`
     [s].
+
+    pause: whether nothing but a pause of the recorder is known of it.
     """
 
     before: float
     after: float
     reason: str
+    pause: bool = False
 
 
 # turn by the gyro in which a pose that is alive does not repeat [rad]; own choice: some times what
@@ -54,9 +58,9 @@ DRIFT = 0.02  # of a gyro beside its bias [rad/s]; own choice: of a MEMS gyro th
 
 def without_frozen_poses(
     signals: Signals, log_map: LogMap
-) -> tuple[Signals, list[Break], list[str]]:
+) -> tuple[Signals, list[Break], list[Finding]]:
     """Return the signals without rows that repeat a pose while the gyro turns, where they were, and
-    one line on them.
+    the finding on them.
 
     The first pose behind them may be an old one as well, and is left out with its repeats.
     """
@@ -99,25 +103,21 @@ def without_frozen_poses(
             kept[inside] = name != "attitude" and np.mean(repeats) <= 0.5
         out[name] = dc.replace(own, t=own.t[kept], values=own.values[kept])
     seconds = sum(min(span.after, t[-1]) - span.before for span in spans)
-    return (
-        out,
-        spans,
-        [f"{FROZEN}: {gone.sum()} rows, {seconds:.3g} s in {len(spans)} stretches, left out"],
-    )
+    text = f"{gone.sum()} rows, {seconds:.3g} s in {len(spans)} stretches, left out"
+    return out, spans, [Finding(Kind.LEFT_OUT, FROZEN, text)]
 
 
 def find_breaks(
     signals: Signals,
     log_map: LogMap,
-    stated: Sequence[tuple[float, str]],
+    stated: Sequence[StatedBreak],
     known: Sequence[Break] = (),
     frozen: Sequence[Break] = (),
 ) -> list[Break]:
     """Return where the log breaks, in time.
 
     Args:
-        stated: time [s] and reason of the breaks that the format states; a reason that ends in `?`
-            is one if it shows; behind one that ends in `!` nothing is kept.
+        stated: breaks that the format states.
         frozen: where the pose was; no break where gyro and accelerometer bridge it.
     """
     longest = LONGEST_BRIDGE if "acceleration" in signals else 0.0
@@ -127,17 +127,17 @@ def find_breaks(
     place = next(
         signals[name] for name in ("position", "velocity", "acceleration") if name in signals
     )
-    asked = [(t, reason) for t, reason in stated if reason.endswith("?")]
-    for t, reason in stated:
+    asked = [switch for switch in stated if switch.certainty is Certainty.IF_SHOWN]
+    for t, reason, certainty in stated:
         k = int(np.searchsorted(place.t, t))
-        if reason.endswith("!"):
-            found.append(Break(t, np.inf, reason[:-1]))
-        elif not reason.endswith("?") and 0 < k < len(place.t):
+        if certainty is Certainty.ENDS:
+            found.append(Break(t, np.inf, reason))
+        elif certainty is Certainty.BREAKS and 0 < k < len(place.t):
             found.append(Break(float(place.t[k - 1]), float(place.t[k]), reason))
     for own in (signals[name] for name in (*STATE, *INPUTS) if name in signals):
         for row in np.flatnonzero(np.diff(own.t) > max(PAUSE, SLOW * own.step)):
             before, after = own.t[row : row + 2].tolist()
-            seen.append(Break(before, after, f"a pause of {after - before:.3g} s"))
+            seen.append(Break(before, after, f"a pause of {after - before:.3g} s", pause=True))
     for name in (n for n in ("position", "velocity") if n in signals):
         source = getattr(log_map, name)
         unit = UNITS[name].get(source.unit, 1.0) * abs(source.scale)
@@ -156,29 +156,28 @@ def find_breaks(
 
 def split(
     signals: Signals, breaks: Sequence[Break], origin: float = 0.0
-) -> tuple[list[Signals], list[str]]:
-    """Return the signals of every part, and one line on every break and on every part that is left
-    out.
+) -> tuple[list[Signals], list[Finding]]:
+    """Return the signals of every part, and the findings on breaks and on parts that are left out.
 
     Args:
-        origin: from which times of the lines count [s].
+        origin: from which times of the findings count [s].
     """
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
     found = [
         within(signals, start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True)
     ]
     kept = [not lacking for _, lacking in found]
-    said = []
+    findings = []
     for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
         side = "after" if before else "before"
         what = "split there" if before and after else f"what comes {side} it is left out"
-        said.append(f"{b.reason} at {b.before - origin:.2f} s: {what}")
-    if len(said) > MOST_SAID:
-        said[MOST_SAID:] = [
-            f"{len(said) - MOST_SAID} more such breaks, the last at "
-            f"{breaks[-1].before - origin:.2f} s"
-        ]
-    return [part for part, lacking in found if not lacking], said
+        where = f"{b.reason} at {b.before - origin:.2f} s"
+        findings.append(Finding(Kind.BREAK, where, what))
+    if len(findings) > MOST_NAMED:
+        last = f"the last at {breaks[-1].before - origin:.2f} s"
+        text = f"{len(findings) - MOST_NAMED} more such breaks, {last}"
+        findings[MOST_NAMED:] = [Finding(Kind.BREAK, "", text)]
+    return [part for part, lacking in found if not lacking], findings
 
 
 def within(signals: Signals, start: float, stop: float) -> tuple[Signals, str]:
@@ -194,7 +193,7 @@ def within(signals: Signals, start: float, stop: float) -> tuple[Signals, str]:
 
 
 def _jumps(
-    t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[float, str]]
+    t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[StatedBreak]
 ) -> list[Break]:
     """Return where changes (n - 1, 3) between samples at t (n,) are out of all proportion to those
     around them.
@@ -212,7 +211,8 @@ def _jumps(
         came = np.linalg.norm(change[max(k - LASTS + 1, 0) : k + 1].sum(axis=0)) < 0.5 * size[k]
         if back or came:
             continue
-        reason = next((r for at, r in asked if t[max(k - 1, 0)] <= at <= t[min(k + 2, count)]), "")
+        near_enough = (s for s in asked if t[max(k - 1, 0)] <= s.t <= t[min(k + 2, count)])
+        reason = next((switch.reason for switch in near_enough), "")
         if size[k] > (STATED if reason else 1.0) * least[k]:
             said = (
                 f"{np.degrees(size[k]):.3g} deg"
@@ -220,7 +220,7 @@ def _jumps(
                 else f"{size[k]:.3g} {next(iter(UNITS[name]))}"
             )
             jump = f"the {name} jumps by {said}"
-            what = f"{reason.rstrip('?')} ({name} by {said})" if reason else jump
+            what = f"{reason} ({name} by {said})" if reason else jump
             found.append(Break(float(t[k]), float(t[k + 1]), what))
     return found if len(found) < MOST * count else []
 
@@ -232,8 +232,9 @@ def _joined(found: Sequence[Break]) -> list[Break]:
     out: list[Break] = []
     for b in sorted(found, key=lambda b: b.before):
         if out and b.before < out[-1].after:
-            reason = min(out[-1].reason, b.reason, key=lambda reason: reason.startswith("a pause"))
-            out[-1] = Break(out[-1].before, max(b.after, out[-1].after), reason)
+            known = b if out[-1].pause and not b.pause else out[-1]
+            after = max(b.after, out[-1].after)
+            out[-1] = dc.replace(known, before=out[-1].before, after=after)
         else:
             out.append(b)
     return out
@@ -256,12 +257,12 @@ MOST_MERGED = 0.75  # share of a file that may be merged [1]; own choice
 ALTERNATE = 0.75
 
 
-def after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
+def after_the_start(recording: Recording) -> tuple[Recording, list[Finding]]:
     """Return the recording without the rows that bear the first time while the clock does not run
-    yet, and one line on these.
+    yet, and the findings on these.
     """
     streams = dict(recording.streams)
-    said: dict[str, list[str]] = {}
+    findings = list[Finding]()
     for name, stream in recording.streams.items():
         distinct = np.flatnonzero(np.diff(stream.t) != 0)
         first = int(distinct[0]) + 1 if len(distinct) else 0
@@ -275,9 +276,8 @@ def after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
                 f"{first} rows at {stream.t[0]:.6g} s, before the clock runs from "
                 f"{stream.t[first]:.6g} s on, left out"
             )
-            said.setdefault(text, []).append(name)
-    lines = [f"{', '.join(names)}: {text}" for text, names in said.items()]
-    return dc.replace(recording, streams=streams), lines
+            findings.append(Finding(Kind.LEFT_OUT, name, text))
+    return dc.replace(recording, streams=streams), joined(findings)
 
 
 def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:

@@ -12,19 +12,20 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
+from np_drake.finding import Finding, Kind, Place, shown_at
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS, LOOKS, looking_like, shorten
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import (
-    CLIPS,
     CUT,
-    NO_FLIGHT,
-    SAYS,
+    REPORTS,
+    Certainty,
     Contents,
     Format,
     Motors,
     Progress,
     Recording,
+    StatedBreak,
     by_stream,
     no_progress,
 )
@@ -32,7 +33,7 @@ from np_drake.logs.formats.known_formats import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
 from np_drake.logs.importing.alignment import in_frames
 from np_drake.logs.importing.breaks import (
-    MOST_SAID,
+    MOST_NAMED,
     after_the_start,
     find_breaks,
     split,
@@ -43,10 +44,8 @@ from np_drake.logs.importing.breaks import (
 from np_drake.logs.importing.conventions import Verdict, as_text, require_a_likely_clock
 from np_drake.logs.importing.laws import SCALE, failing
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source, convert_quantity
-from np_drake.logs.importing.parts import FITS, Part, imported_parts, require_a_flight
+from np_drake.logs.importing.parts import Part, imported_parts, require_a_flight
 from np_drake.logs.importing.signals import (
-    LOST,
-    TICKS,
     Signal,
     Signals,
     clock_of,
@@ -99,7 +98,7 @@ def looks(contents: Contents, fields: str) -> str:
     return (f" Columns that look like {'; '.join(said)}." if said else "") + cut
 
 
-Parts = tuple[LogMap, list[Part], list[str]]  # map, what was made of every part, lines
+Parts = tuple[LogMap, list[Part], list[Finding]]  # map, what was made of every part
 # Shortest pulse of an output that drives a motor [us]. Source: PX4, the least of PWM_MAIN_MINn. 0
 # is no pulse.
 SHORTEST_PULSE = 800.0
@@ -155,10 +154,10 @@ def in_the_likely_unit(
         f"throttle: {{unit: dshot}} in a map.",
         LogError,
     )
-    log_map, made, told = found[unit]
+    log_map, made, findings = found[unit]
     if unit != "us":
-        told = [*told, f"outputs are taken as {READ[unit]}: {why}"]
-    return log_map, made, told
+        findings.append(Finding(Kind.INPUT, f"outputs are taken as {READ[unit]}", why))
+    return log_map, made, findings
 
 
 def _in_range(values: np.ndarray) -> list[str]:
@@ -198,13 +197,9 @@ def sheet_content(
     log_map: LogMap,
     parts: Sequence[Part],
     flights: Sequence[FlightLog],
-    notes: Sequence[str],
+    findings: Sequence[Finding],
 ) -> dict[str, Any]:
-    """Return the content of the sheet of one log.
-
-    Args:
-        notes: what was derived, mended or left out, one line each.
-    """
+    """Return the content of the sheet of one log."""
     longest = max(parts, key=lambda part: len(part.aligned.t))
     spans = ", ".join(f"{log.name}: {len(log)} rows, {log.t[-1]:.4g} s" for log in flights)
     filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
@@ -226,10 +221,7 @@ def sheet_content(
         "input": flights[0].input,
         "command": log_map.command,
         "gaps": gaps + (f"; split into {len(flights)} parts" if len(flights) > 1 else ""),
-        "notes": [
-            *notes,
-            *(note for part in parts for note in (*part.aligned.notes, *_ground_notes(part))),
-        ],
+        "notes": list(map(str, findings)),
     }
 
 
@@ -265,17 +257,14 @@ def _conventions_text(verdict: Verdict) -> str:
     return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
 
 
-def _ground_notes(part: Part) -> list[str]:
-    """Return one line on the time on the ground that is left out of a part, or none."""
+def _ground(part: Part) -> list[Finding]:
+    """Return the finding on the time on the ground that is left out of a part, or none."""
     if part.ground.all() or not part.ground.any():
         return []
     seconds = part.ground.sum() * np.median(np.diff(part.aligned.t))
-    return [f"on the ground: {seconds:.3g} s left out"]
+    return [Finding(Kind.LEFT_OUT, "on the ground", f"{seconds:.3g} s left out")]
 
 
-OTHER = "no multicopter: "  # beginning of a line
-# beginnings of lines that stay with flights
-LASTING = (OTHER, FITS, NO_FLIGHT, SAYS, TICKS, *LOST)
 GIVE_MAP = "Give a map (--map FILE, docs/reference/log-map.md)"
 ENDINGS = re.compile(
     r"(\.(csv|tsv|txt|parquet|ulg|bin|tlog|log|mcap|db3|bag|bbl|bfl))?(\.gz)?$", re.IGNORECASE
@@ -284,15 +273,18 @@ ENDINGS = re.compile(
 
 @dc.dataclass(frozen=True)
 class Imported:
-    """Flights of one log (one unless it breaks), and the sheet that goes beside each.
-
-    said: what its user must know before anything is done with them, one line each; it is in the
-    sheet, too.
+    """Flights of one log (one unless it breaks), the sheet that goes beside each, and what was
+    derived, mended or left out.
     """
 
     flights: tuple[FlightLog, ...]
     sheet: Sheet
-    said: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Lines that `np-drake import` prints."""
+        return tuple(map(str, shown_at(self.findings, Place.IMPORT)))
 
 
 def import_log(
@@ -337,9 +329,9 @@ def import_log(
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
     names = _rotor_names(log_map, motors.names or beside.motors)
-    signals, said, notes, origin = _signals_of_parts(recording, log_map, str(path), names)
+    signals, of_signals, origin = _signals_of_parts(recording, log_map, str(path), names)
     how = partial(imported_parts, path=str(path), origin=origin, adopt=adopt)
-    log_map, parts, told = (
+    log_map, parts, of_parts = (
         how(signals, log_map)
         if motors.unit
         else in_the_likely_unit(how, signals, log_map, str(path))
@@ -361,27 +353,22 @@ def import_log(
         flight.start += beside.start
     end = flights[-1].start + flights[-1].t[-1]
     other = getattr(contents, "other", "")
-    kind = [f"{OTHER}{other}; its wings, servos and other rotors are not known"] if other else []
-    told = [*recording.said, *_said_by(recording, origin, end), *said, *told]
-    standing = tuple(line for line in [*kind, *told, *notes] if line.startswith(LASTING))
-    derived = tuple(flights[0].notes)
+    text = f"{other}; its wings, servos and other rotors are not known"
+    findings = (
+        *([Finding(Kind.NO_MULTICOPTER, "no multicopter", text)] if other else []),
+        *motors.findings,
+        *recording.findings,
+        *_reported(recording, origin, end),
+        *of_signals,
+        *of_parts,
+        *(finding for part in parts for finding in (*part.aligned.findings, *_ground(part))),
+    )
+    kept = tuple(shown_at(findings, Place.FLIGHT))
     for flight in flights:
-        flight.notes += standing
-    said = [*kind, *motors.notes, *told]
-    content = sheet_content(
-        path,
-        known.title,
-        recording.facts,
-        log_map,
-        parts,
-        flights,
-        [*said, *recording.notes, *notes],
-    )
-    return Imported(
-        tuple(flights),
-        Sheet(timing, content, layout, said=standing, motors=names),
-        (*said, *derived),
-    )
+        flight.findings += kept
+    content = sheet_content(path, known.title, recording.facts, log_map, parts, flights, findings)
+    sheet = Sheet(timing, content, layout, findings=kept, motors=names)
+    return Imported(tuple(flights), sheet, findings)
 
 
 def _rotor_names(log_map: LogMap, stated: tuple[str, ...]) -> tuple[str, ...]:
@@ -482,14 +469,14 @@ def _motors_of(motors: Motors, log_map: LogMap) -> Motors:
 
 def _signals_of_parts(
     recording: Recording, log_map: LogMap, path: str, motors: Sequence[str]
-) -> tuple[list[Signals], list[str], list[str], float]:
-    """Return the signals of every part of a recording, two kinds of lines on them, and the origin.
+) -> tuple[list[Signals], list[Finding], float]:
+    """Return the signals of every part of a recording, the findings on them, and the origin.
 
-    Times of messages count from the origin [s], the first row of the state, as start and stop do.
+    Times of findings count from the origin [s], the first row of the state, as start and stop do.
     """
-    recording, said = after_the_start(with_map_time(recording, log_map))
+    recording, stopped = after_the_start(with_map_time(recording, log_map))
     recording, merged = without_merged_rows(recording)
-    signals, notes = gather(recording, log_map)
+    signals, gathered = gather(recording, log_map)
     require_a_likely_clock(signals, log_map, path)
     origin = float(clock_of(signals).t[0])
     ends = _ends(signals, log_map, motors)
@@ -507,14 +494,14 @@ def _signals_of_parts(
         f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal.",
         LogError,
     )
-    return parts, [*said, *slow, *still, *broken], notes, origin
+    return parts, [*stopped, *gathered, *slow, *still, *broken], origin
 
 
 TUMBLES = 3.0  # body rate to which a rotor that stops turns a vehicle [rad/s]; own choice
 
 
-def _ends(signals: Signals, log_map: LogMap, motors: Sequence[str]) -> list[tuple[float, str]]:
-    """Return when a rotor stops in flight [s], and a reason that ends it; none: none does.
+def _ends(signals: Signals, log_map: LogMap, motors: Sequence[str]) -> list[StatedBreak]:
+    """Return the break at which a rotor stops in flight, or none.
 
     Args:
         motors: names of the rotors.
@@ -529,25 +516,30 @@ def _ends(signals: Signals, log_map: LogMap, motors: Sequence[str]) -> list[tupl
     tumbles = turns.max(initial=0.0) > TUMBLES
     motor = motors[number - 1] if motors else f"rotor {number}"
     what = f"{motor} stops" if tumbles else f"the speed of {motor} is told no more"
-    return [(t, f"{what}!")]
+    return [StatedBreak(t, what, Certainty.ENDS)]
 
 
 AFTER = 2.0  # the end of what is analysed, in which an event may tell why it ends [s]; own choice
 
 
-def _said_by(recording: Recording, origin: float, end: float) -> list[str]:
-    """Return lines on what a vehicle says of itself between two times [s]."""
+def _reported(recording: Recording, origin: float, end: float) -> list[Finding]:
+    """Return the findings that a vehicle reports of itself between two times [s]."""
     events: dict[str, list[float]] = {}
     for t, what in sorted(recording.events):
         if origin <= t < end + AFTER:
             events.setdefault(what, []).append(t - origin)
-    told = [
+    reports = [
         f"{what} at {times[0]:.2f} s" + (f" ({len(times)} times)" if len(times) > 1 else "")
         for what, times in events.items()
     ]
-    if len(told) > MOST_SAID:
-        told[MOST_SAID:] = [f"{len(told) - MOST_SAID} more"]
-    axes = ", ".join("xyz"[i] for i in recording.clips)
-    what = "vertical" if 2 in recording.clips else "lateral"
-    said = [f"{CLIPS} along body {axes}: {what} force is unreliable"] if axes else []
-    return said + ([SAYS + "; ".join(told)] if told else [])
+    if len(reports) > MOST_NAMED:
+        reports[MOST_NAMED:] = [f"{len(reports) - MOST_NAMED} more"]
+    findings = []
+    if recording.clips:
+        axes = ", ".join("xyz"[i] for i in recording.clips)
+        force = "vertical" if 2 in recording.clips else "lateral"
+        text = f"the accelerometer clips along body {axes}: {force} force is unreliable"
+        findings.append(Finding(Kind.CLIPPING, REPORTS, text))
+    if reports:
+        findings.append(Finding(Kind.VEHICLE, REPORTS, "; ".join(reports)))
+    return findings

@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from np_drake.checks import require
+from np_drake.finding import Finding, Kind
 from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import on_one_clock
 from np_drake.logs.columns import LEAST_ROWS, LONGEST_GAP
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import NO_FLIGHT
 from np_drake.logs.importing.alignment import (
     COMMANDS,
     Aligned,
@@ -139,7 +139,6 @@ def require_a_flight(log_map: LogMap, path: str, looks: Callable[[str], str]) ->
             )
 
 
-FITS = "fits "  # beginning of a note that not all of a log is taken
 RESTS = 0.8  # share of readings equal to the one before from which motors idle [1]; own choice
 
 
@@ -185,15 +184,13 @@ def import_part(
     carried = not no_flight(signals, log_map)
     signals, log_map, lacks, derived = with_whole_motion(signals, log_map)
     aligned = align(signals, log_map, path)
-    aligned = dc.replace(aligned, notes=(*derived, *aligned.notes))
+    aligned = dc.replace(aligned, findings=(*derived, *aligned.findings))
     ground = np.zeros(len(aligned.t), bool)
     if carried:
         require_ranges(aligned.values, log_map, path)
         ground = standing(aligned.t, aligned.values["position"], lift_of(aligned.values), usual)
     flights = _flights(_with_collective(aligned, signals, log_map), ground, log_map)
-    flights = [
-        dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights
-    ]
+    flights = [dc.replace(flight, lacks=lacks, findings=list(derived)) for flight in flights]
     return Part(
         signals, verdict, aligned, carried, ground, tuple(flights), _timing(signals, log_map)
     )
@@ -324,12 +321,12 @@ def _timing(signals: Signals, log_map: LogMap) -> float:
 
 def imported_parts(
     parts: list[Signals], log_map: LogMap, path: str, *, origin: float, adopt: bool
-) -> tuple[LogMap, list[Part], list[str]]:
-    """Return the map that agrees with the longest part, what was made of every part, and one line
-    on each left out.
+) -> tuple[LogMap, list[Part], list[Finding]]:
+    """Return the map that agrees with the longest part, what was made of every part, and the
+    findings on those left out.
 
     Args:
-        origin: from which times of the lines count [s].
+        origin: from which times of the findings count [s].
         adopt: take other conventions where the longest part fits those.
     Raises: WrongConventions, LogError: if that of the longest part that fails, where none holds a
         flight.
@@ -338,26 +335,26 @@ def imported_parts(
     by_length = sorted(
         range(len(parts)), key=lambda k: (bool(grounds[k]), -np.ptp(clock_of(parts[k]).t))
     )
-    parts, log_map, said = on_one_clock(parts, parts[by_length[0]], log_map)
+    parts, log_map, findings = on_one_clock(parts, parts[by_length[0]], log_map)
     done: dict[int, Part] = {}
     failure: LogError | None = None
     usual = 0.0
     for k in by_length:
         span = f"the part from {clock_of(parts[k]).t[0] - origin:.2f} s on"
         if done and grounds[k]:
-            said.append(f"{span} is no flight; left out")
+            findings.append(Finding(Kind.LEFT_OUT, "", f"{span} is no flight; left out"))
             continue
         try:
-            log_map, found, told = _fitting(
+            log_map, fitting, stretch = _fitting(
                 parts[k], log_map, path, origin, adopt=adopt and not done
             )
-            made = import_part(*found, path, usual)
+            made = import_part(*fitting, path, usual)
             if done and not made.flights:
-                said.append(f"{span} holds no flight; left out")
+                findings.append(Finding(Kind.LEFT_OUT, "", f"{span} holds no flight; left out"))
                 continue
             usual = usual or (usual_lift(lift_of(made.aligned.values)) if made.carried else 0.0)
             done[k] = made
-            said = [*said, *told]
+            findings += stretch
         except LogError as error:
             fits_other = isinstance(error, WrongConventions) and bool(error.verdict.changes)
             if len(parts) == 1 or (fits_other and not done):
@@ -368,27 +365,29 @@ def imported_parts(
                 if isinstance(error, WrongConventions)
                 else "is no flight log by"
             )
-            said.append(f"{span} {wrong} itself; left out")
+            findings.append(Finding(Kind.LEFT_OUT, "", f"{span} {wrong} itself; left out"))
     if failure is not None and not done:
         raise failure
-    if max(done) < len(parts) - 1 and not any(line.startswith(FITS) for line in said):
-        said.append(
-            f"{FITS}until {done[max(done)].aligned.t[-1] - origin:.1f} s; what follows is left out"
-        )
+    stated = any(finding.kind is Kind.STRETCH for finding in findings)
+    if max(done) < len(parts) - 1 and not stated:
+        end = done[max(done)].aligned.t[-1] - origin
+        text = f"fits until {end:.1f} s; what follows is left out"
+        findings.append(Finding(Kind.STRETCH, "", text))
     if why := grounds[by_length[0]]:
-        said.insert(0, f"{NO_FLIGHT}{why}; nothing can be identified")
-    return log_map, [done[k] for k in sorted(done)], said
+        text = f"{why}; nothing can be identified"
+        findings.insert(0, Finding(Kind.NO_FLIGHT, "no flight", text))
+    return log_map, [done[k] for k in sorted(done)], findings
 
 
 def _fitting(
     signals: Signals, log_map: LogMap, path: str, origin: float, *, adopt: bool
-) -> tuple[LogMap, tuple[Signals, LogMap, Verdict], list[str]]:
-    """Return the map, what of a part agrees with it, with the verdict, and a line where that is not
-    all of it.
+) -> tuple[LogMap, tuple[Signals, LogMap, Verdict], list[Finding]]:
+    """Return the map, what of a part agrees with it, with the verdict, and a finding where that is
+    not all of it.
     """
     verdict = Verdict({}, ()) if no_flight(signals, log_map) else judged(signals, log_map, path)
     disturbed = any(misfit > DOUBTED for misfit in verdict.misfits.values()) and not verdict.changes
-    said: list[str] = []
+    findings: list[Finding] = []
     if stretch := fitting_stretch(signals, log_map, verdict) if disturbed else None:
         start, stop = stretch
         part, _ = within(signals, start, stop)
@@ -397,10 +396,9 @@ def _fitting(
         if not own.failed and kinds <= tested:
             since = f"from {start - origin:.1f} " if start > clock_of(signals).t[0] + WINDOW else ""
             whole = ", ".join(verdict.failed[:3]) or "its quantities"
-            said = [
-                f"{FITS}{since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"
-            ]
+            where = f"fits {since}until {stop - origin:.1f} s; beyond, {whole} do not agree"
+            findings = [Finding(Kind.STRETCH, where, "left out")]
             signals = part
             verdict = own
     log_map, verdict = agreed(verdict, signals, log_map, path, adopt=adopt)
-    return log_map, (signals, log_map, verdict), said
+    return log_map, (signals, log_map, verdict), findings

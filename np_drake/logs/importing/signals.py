@@ -11,6 +11,7 @@ import scipy
 
 from np_drake import attitude
 from np_drake.checks import require
+from np_drake.finding import Finding, Kind
 from np_drake.logs.columns import GAP, LARGEST, LEAST_ROWS
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
@@ -221,13 +222,12 @@ LEAST_VOLTAGE = 2.0
 MOST_DEAD = 0.5  # share of readings below it from which none is a battery's [1]; own choice
 
 
-def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
-    """Return the signals of the quantities that the map names, and what was left out, one line
-    each.
+def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[Finding]]:
+    """Return the signals of the quantities that the map names, and what was left out.
     Raises: LogError: if a column is missing, or a quantity has hardly any sample.
     """
     signals: dict[str, Signal] = {}
-    notes: list[str] = []
+    findings: list[Finding] = []
     ticks: dict[float, list[str]] = {}
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
@@ -235,11 +235,12 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
             dead = convert_quantity(name, signal.values, log_map)[:, 0] < LEAST_VOLTAGE
             most = dead.sum() > MOST_DEAD * len(dead)
             if dead.any():
-                notes.append(
-                    f"voltage: {dead.sum()} of {len(dead)} readings are below {LEAST_VOLTAGE:g} V, "
-                    f"on which nothing flies (no power module, or another unit); "
+                text = (
+                    f"{dead.sum()} of {len(dead)} readings are below {LEAST_VOLTAGE:g} V, on "
+                    f"which nothing flies (no power module, or another unit); "
                     f"{'all' if most else 'these'} left out"
                 )
+                findings.append(Finding(Kind.LOST, name, text))
             if most:
                 continue
             signal = Signal(signal.t[~dead], signal.values[~dead])
@@ -247,19 +248,21 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
             signal, quaternion=name == "attitude" and len(source.columns) == 4
         )
         if reasons:
-            notes.append(f"{name}: rows left out: {reasons}")
+            findings.append(Finding(_omission(name), name, f"rows left out: {reasons}"))
         if signal.tick:
             ticks.setdefault(signal.tick, []).append(name)
         if name in STATE and len(signal.t) >= LEAST_ROWS and len(signal.renewed.t) < len(signal.t):
             share = len(signal.renewed.t) / len(signal.t)
             signal = signal.renewed
-            notes.append(
-                f"{name}: rows repeat; taken as a signal of {1 / signal.step:.4g} Hz "
+            text = (
+                f"rows repeat; taken as a signal of {1 / signal.step:.4g} Hz "
                 f"({share:.0%} of the rows)"
             )
+            findings.append(Finding(Kind.DETAIL, name, text))
         if len(signal.t) < LEAST_ROWS:
             if name in OPTIONAL or (name == "rotor_speed" and log_map.throttle):
-                notes.append(f"{name}: only {len(signal.t)} samples; left out")
+                text = f"only {len(signal.t)} samples; left out"
+                findings.append(Finding(_omission(name), name, text))
                 continue
             left = f" ({reasons})" if reasons else ""
             left += "; print its times with all digits" if "time" in reasons else ""
@@ -270,13 +273,19 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
             )
         signals[name] = signal
     if "rotor_speed" in signals:
-        notes += _without_dropouts(signals, log_map, recording.path)
+        findings += _without_dropouts(signals, log_map, recording.path)
     for tick, names in ticks.items():
-        head = TICKS if tick > LONG_TICK else "times are rounded to "
-        notes.append(
-            f"{head}{1e3 * tick:.3g} ms: {', '.join(names)}; taken as an uncertainty of time"
-        )
-    return signals, notes
+        coarse = tick > LONG_TICK
+        head = "the clock runs in ticks of" if coarse else "times are rounded to"
+        where = f"{head} {1e3 * tick:.3g} ms"
+        text = f"{', '.join(names)}; taken as an uncertainty of time"
+        findings.append(Finding(Kind.COARSE_CLOCK if coarse else Kind.DETAIL, where, text))
+    return signals, findings
+
+
+def _omission(name: str) -> Kind:
+    """Return the kind of a finding on readings of a quantity that are left out."""
+    return Kind.LOST if name in ("voltage", "rotor_speed") else Kind.LEFT_OUT
 
 
 def _assembled(recording: Recording, source: Source) -> Signal:
@@ -370,7 +379,6 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
             )
 
 
-LOST = ("voltage: ", "rotor_speed: ")  # beginnings of lines on readings that are left out
 DROPOUTS = "readings of no rotor in flight (0, where an ESC drops out)"
 MOST_MISSING = 0.1  # share of rows from which rotor speed is no input [1]; own choice
 LONGEST_ZERO = 0.1  # in which no rotor stops and turns again [s]; own choice
@@ -384,15 +392,14 @@ RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseco
 CLOCK_SET = 1e6  # interval, beyond which the clock was set [s]
 FEWEST = 0.2  # share of samples of one time from which it is the clock's tick [1]; own choice
 LONG_TICK = 5e-3  # beyond which a tick stands against an answer [s]; own choice: of a motor's lag
-TICKS = "the clock runs in ticks of "  # beginning of a line
 # commands that are known between their rows, however slow
 HELD = "held_after", "held_before", "averaged"
 COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
 
 
-def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) -> list[str]:
+def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) -> list[Finding]:
     """Take readings that no rotor has out of the rotor speeds, or these where much is missing and
-    throttle or thrust takes their place. Return a line on it, or none.
+    throttle or thrust takes their place. Return the finding on it, or none.
     Raises: LogError: if too few are left, and nothing takes their place.
     """
     own = signals["rotor_speed"]
@@ -408,7 +415,8 @@ def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) ->
     rows = lost.any(axis=1)
     if name and rows.mean() > MOST_MISSING:
         del signals["rotor_speed"]
-        return [f"rotor_speed: {DROPOUTS} in {rows.mean():.0%} of the rows; left out"]
+        text = f"{DROPOUTS} in {rows.mean():.0%} of the rows; left out"
+        return [Finding(Kind.LOST, "rotor_speed", text)]
     require(
         np.sum(~rows) >= LEAST_ROWS,
         f"{path}, rotor_speed: must be that of turning rotors; {DROPOUTS} in {rows.mean():.0%} of "
@@ -416,12 +424,13 @@ def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) ->
         LogError,
     )
     signals["rotor_speed"] = dc.replace(own, t=own.t[~rows], values=found[~rows])
-    said = ", ".join(
+    counts = ", ".join(
         f"{count} {what}"
         for what, count in {"readings bridged": bridged.sum(), "rows left out": rows.sum()}.items()
         if count
     )
-    return [f"rotor_speed: {DROPOUTS}: {said}"] if said else []
+    kind = Kind.LOST if rows.any() else Kind.BRIDGED
+    return [Finding(kind, "rotor_speed", f"{DROPOUTS}: {counts}")] if counts else []
 
 
 def without_zeros(
@@ -509,16 +518,16 @@ def coarse_tick(t: np.ndarray, repeats: int = 0) -> float:
     return tick if repeats > FEWEST * len(t) or tick < FINE * float(np.median(interval)) else 0.0
 
 
-def usable_inputs(signals: Signals, log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:
-    """Return the signals without inputs slower than the motion that they should explain, and a line
-    on each.
+def usable_inputs(signals: Signals, log_map: LogMap) -> tuple[dict[str, Signal], list[Finding]]:
+    """Return the signals without inputs slower than the motion that they should explain, and the
+    findings on these.
 
     Rotor speed or torque below `SLOWEST_ROTORS` is left out where something else tells thrust, and
     an acceleration, in which vibrations alias, where velocity tells it. A throttle of each motor,
     and rotor speed alone, become their collective.
     """
     out = dict(signals)
-    said = []
+    findings = []
     lifting = [name for name in ("thrust", "throttle", "rotor_speed") if name in out]
     replaced = {
         "acceleration": {"attitude", "velocity"} <= out.keys(),
@@ -530,10 +539,11 @@ def usable_inputs(signals: Signals, log_map: LogMap) -> tuple[dict[str, Signal],
         slow = f"{name} at {1 / out[name].renewal:.3g} Hz is slower than what turns the vehicle"
         if replaced[name]:
             del out[name]
-            said.append(f"{slow}; left out")
+            findings.append(Finding(Kind.LEFT_OUT, "", f"{slow}; left out"))
         elif name in lifting:
-            said.append(f"{slow}: its collective thrust alone is taken, and torque is not told")
-    return out, said
+            text = "its collective thrust alone is taken, and torque is not told"
+            findings.append(Finding(Kind.INPUT, slow, text))
+    return out, findings
 
 
 def is_slow(name: str, own: Signal, log_map: LogMap) -> bool:

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from np_drake.finding import Kind
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.rotors import NOTE, in_vehicle_order, tell_directions, torque_agreement
+from np_drake.logs.rotors import in_vehicle_order, tell_directions, torque_agreement
 from np_drake.vehicle.rotor_layout import directions_of
 from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 
@@ -53,7 +54,7 @@ def test_columns_of_every_order_are_put_into_that_of_the_file(name):
     for order in [*itertools.permutations(range(4))][::5]:
         (dut,) = in_vehicle_order([dc.replace(log, rotor=log.rotor[:, order])], vehicle)
         np.testing.assert_array_equal(dut.rotor, log.rotor)
-        assert [NOTE in note for note in dut.notes] == [True] * (order != (0, 1, 2, 3))
+        assert [f.kind for f in dut.findings] == [Kind.ROTOR_ORDER] * (order != (0, 1, 2, 3))
 
 
 def test_rotors_that_turn_otherwise_than_in_the_file_are_refused():
@@ -163,7 +164,7 @@ def test_a_gentle_part_of_a_log_takes_the_order_of_its_lively_part():
     dut = in_vehicle_order([turned(log, TURNED) for log in parts], own)
     for log, part in zip(dut, parts, strict=True):
         np.testing.assert_array_equal(log.rotor, part.rotor)
-        assert NOTE in log.notes[0]
+        assert log.findings[0].kind is Kind.ROTOR_ORDER
 
 
 def test_torque_of_another_size_keeps_its_correlation_and_tells_the_factor():

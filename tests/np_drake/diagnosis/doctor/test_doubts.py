@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.doctor.examine import examine
-from np_drake.diagnosis.doctor.flight_facts import flight_facts, law_doubts
+from np_drake.diagnosis.doctor.flight_facts import flight_facts, law_findings
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 
@@ -21,7 +21,7 @@ def test_conventions_that_contradict_each_other_fail(log):
         dc.replace(log, v=log.v * [1.0, -1.0, 1.0]),
         dc.replace(log, q=log.q * [1.0, -1.0, -1.0, -1.0]),
     ):
-        (dut,) = (doubt for doubt in law_doubts(wrong) if "contradict" in doubt.what)
+        (dut,) = (doubt for doubt in law_findings(wrong) if "contradict" in doubt.text)
         assert dut.fails
     assert not examine([wrong], Vehicle()).usable
 
@@ -29,7 +29,7 @@ def test_conventions_that_contradict_each_other_fail(log):
 @pytest.mark.parametrize("factor", [1.45, 0.6])
 def test_a_residual_above_a_quarter_of_the_weight_is_the_first_line(log, factor):
     dut = examine([log], dc.replace(Vehicle(), mass=factor * Vehicle().mass))
-    assert re.search("misses .*% of the weight along body z: check mass", dut.problems[0])
+    assert re.search("misses .*% of the weight along body z: check mass", str(dut.problems[0]))
 
 
 def test_white_noise_is_that_of_the_sensors(log):

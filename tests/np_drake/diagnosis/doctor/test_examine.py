@@ -49,7 +49,7 @@ def test_every_effect_of_the_library_has_an_answer(report):
 def test_a_hovering_flight_is_not_usable_and_says_so(fly):
     dut = examine([fly(vigour=0.0, noise=1.0)], Vehicle())
     assert not dut.usable
-    assert "nothing moves (speed 0.0" in dut.problems[0]
+    assert "nothing moves (speed 0.0" in str(dut.problems[0])
     assert {a.verdict for a in dut.answers if a.identifier == "linear_drag"} == {"no"}
 
 
@@ -74,7 +74,7 @@ def test_without_a_vehicle_only_facts_are_given_and_it_is_said(log):
     dut = examine([log])
     assert dut.answers == ()
     assert dut.usable
-    assert "no vehicle file" in dut.problems[-1]
+    assert "no vehicle file" in str(dut.problems[-1])
     assert dut.flights[0].signals
 
 

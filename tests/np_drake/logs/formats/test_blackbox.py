@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox import BLACKBOX
-from np_drake.logs.formats.format import Recording
+from np_drake.logs.formats.format import Recording, StatedBreak
 from tests.np_drake.logs.formats import blackbox_writer as writer
 from tests.np_drake.logs.formats.made_files import read
 
@@ -195,20 +195,20 @@ def test_logs_of_one_file_follow_each_other(log):
         main_rows(dut), np.delete(np.concatenate([first.rows, second.rows]), 1, axis=1)
     )
     assert dut.streams["main"].t[64] == pytest.approx(0.4)
-    assert any("2 logs" in line for line in dut.said)
+    assert any("2 logs" in line for line in dut.notes)
 
 
 @pytest.mark.parametrize(("begin", "count"), [(3_000_000, 1), (1_050_000, 0)])
 def test_a_later_log_begins_with_a_break_unless_its_clock_is_set_back(log, begin, count):
     writer.write(log, plain(), plain(seed=2, begin=begin))
-    assert everything(log).breaks == ((begin / 1e6, "another log begins"),) * count
+    assert everything(log).breaks == (StatedBreak(begin / 1e6, "another log begins"),) * count
 
 
 def test_a_log_of_other_scales_is_left_out(log):
     writer.write(log, plain(), plain(rows=80, settings={"acc_1G": "4096"}))
     dut = everything(log)
     assert len(dut.streams["main"]) == 80
-    assert any("logs 1 of 2" in line for line in dut.said)
+    assert any("logs 1 of 2" in line for line in dut.notes)
 
 
 @pytest.mark.parametrize(

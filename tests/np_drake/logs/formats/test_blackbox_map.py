@@ -213,7 +213,7 @@ def test_every_real_log_becomes_a_flight_of_its_conventions(imported):
     for found in imported:
         assert sum(len(flight) for flight in found.flights) > 3000
         assert all(flight.input == "rotor_speed" for flight in found.flights)
-        assert not any("adopted" in line for line in found.said)
+        assert not any("adopted" in line for line in found.shown)
 
 
 def test_rotors_of_real_logs_turn_the_vehicle_in_betaflights_order(imported):

@@ -66,7 +66,7 @@ def test_outputs_that_rest_while_the_vehicle_moves_are_no_flight(flown, tmp_path
     writer.write(path, writer.frames(flown, rest, autopilot=autopilot))
     told = "no flight: the motors do not carry the vehicle"
     if autopilot == writer.ARDUPILOT:
-        assert f"{told}; nothing can be identified" in import_log(path).said
+        assert f"{told}; nothing can be identified" in import_log(path).shown
         return
     with pytest.raises(LogError, match=told):
         import_log(path)
@@ -80,7 +80,7 @@ def test_a_vehicle_that_boots_again_flies_twice(flown, tmp_path):
     first, second = dut.flights
     assert second.start - first.start == pytest.approx(60.0, abs=0.01)  # LATE is common
     np.testing.assert_allclose(second.p, flown.p, atol=1e-5)
-    assert any("the vehicle boots again" in line for line in dut.said)
+    assert any("the vehicle boots again" in line for line in dut.shown)
 
 
 def test_bytes_that_are_no_message_are_passed_over_and_counted(flown, tmp_path):
@@ -109,9 +109,9 @@ def test_a_log_that_was_cut_short_says_so(flown, tmp_path):
     path = tmp_path / "log.tlog"
     writer.write(path, writer.frames(flown, pulses(flown)))
     content = path.read_bytes()
-    assert not any("cut off" in line for line in import_log(path).said)
+    assert not any("cut off" in line for line in import_log(path).shown)
     path.write_bytes(content[: len(content) // 2])
-    assert "the log ends within a message (cut off)" in import_log(path).said[0]
+    assert "the log ends within a message (cut off)" in import_log(path).shown[0]
     path.write_bytes(content[:100])
     with pytest.raises(LogError, match=r"in 20 messages; it has .*cut off\)\. Copy it again"):
         import_log(path)
@@ -130,10 +130,10 @@ def test_what_a_vehicle_says_of_itself_is_said(flown, tmp_path):
     rows = writer.frames(flown, pulses(flown), warning=(3.0, "Potential Thrust Loss (3)"), clips=1)
     writer.write(path, rows)
     dut = import_log(path)
-    (event,) = [line for line in dut.said if "Thrust Loss" in line]
+    (event,) = [line for line in dut.shown if "Thrust Loss" in line]
     assert event == "the log says: 'Potential Thrust Loss (3)' at 3.00 s"
-    assert any("clips along body x, y, z" in line for line in dut.said)
-    assert any("shakes by more than 30 m/s2 (VIBRATION)" in line for line in dut.said)
+    assert any("clips along body x, y, z" in line for line in dut.shown)
+    assert any("shakes by more than 30 m/s2 (VIBRATION)" in line for line in dut.shown)
 
 
 def test_a_plane_is_refused_by_its_heartbeat(flown, tmp_path):

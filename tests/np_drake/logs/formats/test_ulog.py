@@ -136,7 +136,7 @@ def test_of_a_log_that_was_cut_the_whole_messages_are_kept(log, made):
     log.write_bytes(content[: -10 * row - 7])
     dut = everything(log)
     assert len(dut.streams["vehicle_attitude"]) == 49
-    assert "cut off" in dut.said[0]
+    assert "cut off" in dut.notes[0]
     log.write_bytes(content[:60])
     with pytest.raises(LogError, match=r"must hold rows; this log \(PX4 ULog\) has none. Copy it"):
         import_log(log)

@@ -120,7 +120,7 @@ def test_rates_and_velocity_that_are_missing_are_derived_and_said():
     inside = (dut.t > 0.2) & (dut.t < 7.8)
     assert np.abs(dut.values["rates"] - true["rates"])[inside].max() < 1e-6
     assert np.abs(dut.values["velocity"] - true["velocity"])[inside].max() < 0.02
-    assert [note.split(":")[0] for note in dut.notes] == ["rates", "velocity"]
+    assert [finding.where for finding in dut.findings] == ["rates", "velocity"]
 
 
 def test_rows_within_a_gap_of_the_state_are_marked():

@@ -23,7 +23,7 @@ def test_a_recorder_that_pauses_makes_two_flights(flown, import_px4):
     outputs = {"actuator_motors": autopilots.throttle(flown)}
     found = import_px4(outputs, change=lambda s: delayed(s, 4.0, 5.0))
     assert spans(found) == pytest.approx([3.0, 4.99], abs=0.02)
-    assert any("a pause of 5.01 s at 3.00 s: split there" in line for line in found.said)
+    assert any("a pause of 5.01 s at 3.00 s: split there" in line for line in found.shown)
     assert [flight.name for flight in found.flights] == ["log_part1", "log_part2"]
 
 
@@ -31,7 +31,7 @@ def test_a_clock_that_is_set_back_in_a_sorted_file_makes_two_flights(flown, impo
     pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
     found = import_ardupilot(pulses, change=lambda s: delayed(s, 5.0, -0.317))
     assert spans(found) == pytest.approx([3.683, 3.683], abs=0.05)
-    (line,) = (line for line in found.said if "rows of two times stand side by side" in line)
+    (line,) = (line for line in found.shown if "rows of two times stand side by side" in line)
     assert float(line.split(" at ")[1].split()[0]) == pytest.approx(3.683, abs=0.05)
 
 
@@ -53,7 +53,7 @@ def test_a_height_that_jumps_makes_two_flights(flown, import_px4, counted):
     assert spans(found) == pytest.approx([4.0, 3.99], abs=0.02)
     said = "the estimator resets z (position by 0.79" if counted else "the position jumps by 0.79"
     assert any(
-        line.startswith(said) and line.endswith("at 4.00 s: split there") for line in found.said
+        line.startswith(said) and line.endswith("at 4.00 s: split there") for line in found.shown
     )
 
 
@@ -98,7 +98,7 @@ def test_a_pose_that_repeats_while_the_gyro_turns_is_frozen():
     for name in ("position", "attitude"):
         assert len(signals[name].t) == len(T) - 30
     assert len(signals["rates"].t) == len(T)
-    assert said.endswith("30 rows, 0.31 s in 1 stretches, left out")
+    assert said.text.endswith("30 rows, 0.31 s in 1 stretches, left out")
     found = find_breaks(signals, TURNING, [], frozen=[span])
     assert [b.reason for b in found] == ["the pose repeats while the gyro turns"]
     inertial = {**signals, "acceleration": signals["rates"]}

@@ -110,7 +110,7 @@ def test_what_is_late_is_measured_and_moved(flown, conventions, names, seconds, 
     assert late == {
         n: pytest.approx(seconds, abs=0.003) if n in names else None for n in POSE
     }  # [s]
-    (line,) = said
+    (line,) = map(str, said)
     assert all(f"{name}: {{late: {late[name]:g}}}" in line for name in names)
 
 

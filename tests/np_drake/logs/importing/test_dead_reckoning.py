@@ -61,7 +61,7 @@ def test_what_a_log_lacks_is_said_when_it_is_imported(excited, tmp_path):
     table = {name: column for name, column in excited.columns().items() if name[0] != "p"}
     text_table.write_csv(tmp_path / "part.csv", table)
     dut = import_log(tmp_path / "part.csv")
-    assert any(line.startswith("position: none in the log") for line in dut.said)
+    assert any(line.startswith("position: none in the log") for line in dut.shown)
 
 
 @pytest.fixture

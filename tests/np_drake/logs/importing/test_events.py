@@ -7,7 +7,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.doctor.flight_facts import law_doubts
+from np_drake.diagnosis.doctor.flight_facts import law_findings
+from np_drake.finding import Kind
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.log_file import read, write_log
@@ -47,7 +48,7 @@ def test_the_flight_before_a_rotor_stops_is_a_flight(flown, import_px4, every):
     )
     (dut,) = found.flights
     assert 6.0 - 0.02 * every < dut.t[-1] < 6.0
-    stops = [line for line in found.said if line.startswith("PX4 motor 3 stops at ")]
+    stops = [line for line in found.shown if line.startswith("PX4 motor 3 stops at ")]
     assert len(stops) == 1
     assert float(stops[0].split()[5]) == pytest.approx(dut.t[-1], abs=0.02)
     assert "what comes after it is left out" in stops[0]
@@ -59,7 +60,7 @@ def test_a_rotor_told_no_more_while_the_vehicle_flies_on_has_not_stopped(fly, im
     told = speeds(calm, autopilots)
     told[calm.t >= 6.0, 2] = 0.0
     found = import_px4({}, change=lambda streams: autopilots.px4(calm, {"esc_status": told}))
-    assert any("the speed of PX4 motor 3 is told no more" in line for line in found.said)
+    assert any("the speed of PX4 motor 3 is told no more" in line for line in found.shown)
 
 
 def test_rotors_that_stop_together_land_and_one_alone_does_not():
@@ -84,15 +85,15 @@ def test_clipping_that_a_log_counts_is_named_and_not_called_noise(flown, import_
     outputs = {"actuator_motors": autopilots.throttle(flown)}
     found = import_px4(outputs, change=clipped)
     said = "the log says: the accelerometer clips along body z: vertical force is unreliable"
-    assert said in found.said
+    assert said in found.shown
     path = tmp_path / "flight.csv"
     write_log(found.flights[0], path)
     write_sheet(found.sheet, path)
     (dut,) = read(path)
     assert said in dut.notes
-    assert not any("noise or drift" in doubt.what for doubt in law_doubts(dut))
+    assert not any("noise or drift" in finding.text for finding in law_findings(dut))
     whole = import_px4(outputs)
-    assert not any("clips" in line for line in whole.said)
+    assert not any("clips" in line for line in whole.shown)
 
 
 @pytest.mark.parametrize("counted, clips", [(30.0, False), (300.0, True)])
@@ -103,9 +104,9 @@ def test_counters_of_clips_and_vibration_are_read(flown, import_px4, counted, cl
     counters["accel_vibration_metric"] = np.full(len(t), 12.0)
     beside = {"vehicle_imu_status": Stream(t, counters)}
     found = px4(import_px4, {"actuator_motors": autopilots.throttle(flown)}, beside)
-    assert any("clips along body x: lateral" in line for line in found.said) == clips
+    assert any("clips along body x: lateral" in line for line in found.shown) == clips
     assert "the log says: the IMU shakes by more than 9.81 m/s2 (accel_vibration_metric)" in (
-        found.said
+        found.shown
     )
 
 
@@ -119,8 +120,8 @@ def test_events_of_a_log_are_said_with_their_times(flown, import_px4):
         "failure_detector_status": Stream(t + 12.0, {"fd_roll": 1.0 * (flown.t > 1.0)}),  # after it
     }
     found = px4(import_px4, {"actuator_motors": autopilots.throttle(flown)}, beside)
-    assert found.said == (
-        "the log says: battery low at 3.00 s; mode return at 4.00 s; battery critical at 5.00 s",
+    assert found.shown[0] == (
+        "the log says: battery low at 3.00 s; mode return at 4.00 s; battery critical at 5.00 s"
     )
 
 
@@ -154,10 +155,10 @@ def test_a_vehicle_that_is_carried_while_its_motors_rest_is_no_flight(
             import_px4({"actuator_motors": rest, **outputs}, autopilots.PX4_CORNERS)
     rest[flown.t < 0.5] = 0.0  # not armed yet
     found = import_ardupilot(1000.0 + 1000.0 * rest)
-    assert f"{told}; nothing can be identified" in found.said
-    assert any(told in doubt.what and doubt.fails for doubt in law_doubts(found.flights[0]))
+    assert f"{told}; nothing can be identified" in found.shown
+    assert any(told in str(f) and f.kind is Kind.NO_FLIGHT for f in law_findings(found.flights[0]))
     flies = import_px4({"actuator_motors": autopilots.throttle(flown), "actuator_outputs": rest})
-    assert not any("no flight" in line for line in flies.said)
+    assert not any("no flight" in line for line in flies.shown)
 
 
 def test_errors_and_counters_of_ardupilot_are_read(flown, import_ardupilot):
@@ -176,9 +177,9 @@ def test_errors_and_counters_of_ardupilot_are_read(flown, import_ardupilot):
     }
     pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
     found = import_ardupilot(pulses, change=lambda streams: streams | beside)
-    assert "the log says: thrust loss check at 3.00 s" in found.said
-    assert any("clips along body x, y, z: vertical force" in line for line in found.said)
-    assert any("shakes by more than 30 m/s2 (VIBE)" in line for line in found.said)
+    assert "the log says: thrust loss check at 3.00 s" in found.shown
+    assert any("clips along body x, y, z: vertical force" in line for line in found.shown)
+    assert any("shakes by more than 30 m/s2 (VIBE)" in line for line in found.shown)
 
 
 def test_an_accelerometer_that_aliases_is_left_out_and_the_rest_flies(flown, import_px4):
@@ -192,7 +193,7 @@ def test_an_accelerometer_that_aliases_is_left_out_and_the_rest_flies(flown, imp
     found = import_px4({"actuator_motors": autopilots.throttle(flown)}, change=shaken)
     (dut,) = found.flights
     assert dut.a is None
-    assert any(line.startswith("acceleration at 10 Hz is slower") for line in found.said)
+    assert any(line.startswith("acceleration at 10 Hz is slower") for line in found.shown)
     np.testing.assert_allclose(dut.v, flown.v, atol=1e-6)
 
 
@@ -230,4 +231,7 @@ def test_ticks_longer_than_the_samples_are_seen_by_their_repeats(flown, import_p
 
     found = import_px4({"actuator_motors": autopilots.throttle(flown)}, change=coarse)
     assert found.sheet.timing >= tick / np.sqrt(12) - 1e-9
-    assert any(line.startswith("the clock runs in ticks of 15.6 ms") for line in found.sheet.said)
+    assert any(
+        line.startswith("the clock runs in ticks of 15.6 ms")
+        for line in map(str, found.sheet.findings)
+    )

@@ -65,7 +65,7 @@ def test_a_frozen_pose_is_bridged_and_the_flight_stays_one(written, flown):
     found = written(log=flown, pose=kept)
     (flight,) = found.flights
     said = "the pose repeats while the gyro turns: 98 rows, 1 s in 2 stretches, left out"
-    assert found.said == (said,)
+    assert found.shown == (said,)
     assert flight.in_gap.sum() == pytest.approx(98, abs=3)
     assert np.abs(flight.p - flown.p).max() < 0.02  # [m]
     assert np.abs(flight.v - flown.v).max() < 0.1  # [m/s]

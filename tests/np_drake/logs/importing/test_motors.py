@@ -85,7 +85,7 @@ def test_dshot_counts_are_told_however_low_the_vehicle_hovers(flown, import_px4,
     counts = hover * ours / np.median(ours)
     found = import_px4({"actuator_outputs": counts})
     np.testing.assert_allclose(found.flights[0].throttle, counts / 2000, atol=1e-9)
-    assert any(line.startswith("outputs are taken as DShot counts") for line in found.said)
+    assert any(line.startswith("outputs are taken as DShot counts") for line in found.shown)
     assert found.sheet.content["columns"]["throttle"]["unit"] == "dshot"
 
 
@@ -120,7 +120,7 @@ def test_ardupilot_motors_are_on_the_outputs_of_their_functions(flown, import_ar
     dut = opened(found, tmp_path)
     np.testing.assert_allclose(dut.throttle, ours, atol=1e-9)
     assert dut.motors == tuple(f"ArduPilot motor {n}" for n in (3, 1, 4, 2))
-    assert "motors are on the outputs 6, 5, 4, 3 (SERVOn_FUNCTION)" in found.said
+    assert "motors are on the outputs 6, 5, 4, 3 (SERVOn_FUNCTION)" in found.shown
 
 
 def test_a_gimbal_on_the_first_outputs_is_no_motor_unless_a_map_names_it(
@@ -174,7 +174,7 @@ def test_motors_seen_ten_times_a_second_tell_thrust_and_no_torque(flown, import_
     assert (
         f"{kind} at 10 Hz is slower than what turns the vehicle: its collective thrust "
         f"alone is taken"
-    ) in " ".join(found.said)
+    ) in " ".join(found.shown)
     lift = np.sum(ours**2, axis=1)
     theirs = np.interp(dut.t, flown.t, lift)
     assert np.corrcoef(dut.throttle[20:-20, 0] ** 2, theirs[20:-20])[0, 1] > 0.9
@@ -199,7 +199,7 @@ def test_what_is_no_px4_multicopter_is_refused_or_read_by_a_map(
     motors = [f"actuator_motors/control[{i}]" for i in range(4)]
     (tmp_path / "map.yaml").write_text(f"throttle: {{columns: {motors}, unit: '1'}}\n")
     dut = import_px4(outputs, told, log_map=load_map_file(tmp_path / "map.yaml"))
-    assert dut.said[0].startswith(f"no multicopter: {kind}; ")
+    assert dut.shown[0].startswith(f"no multicopter: {kind}; ")
 
 
 @pytest.mark.parametrize(
@@ -222,9 +222,9 @@ def test_an_x8_is_read_as_what_it_is(flown, import_ardupilot, import_px4):
     ours = np.tile(autopilots.throttle(flown), 2)
     said = "8 motors: their collective thrust alone is taken, torque is not told"
     dut = import_ardupilot(1000.0 + 1000.0 * ours, {"FRAME_CLASS": 4.0})
-    assert dut.said[0] == f"octaquad (X8), {said}"
+    assert dut.shown[0] == f"octaquad (X8), {said}"
     for word, angle in (("coaxial rotors, ", np.pi / 2), ("", np.pi / 4)):
         corners = {f"CA_ROTOR{n}_PX": np.cos(angle * n).round(6) for n in range(8)}
         corners |= {f"CA_ROTOR{n}_PY": np.sin(angle * n).round(6) for n in range(8)}
         dut = import_px4({"actuator_motors": ours}, {"CA_ROTOR_COUNT": 8.0} | corners)
-        assert dut.said[0] == f"{word}{said}"
+        assert dut.shown[0] == f"{word}{said}"

@@ -95,7 +95,7 @@ def test_a_log_that_ends_in_a_crash_is_imported_up_to_it(flown, import_px4):
     )
     (dut,) = found.flights
     assert 4.0 < dut.t[-1] < 5.1  # the log begins at 1 s
-    assert any(line.startswith(f"fits until {dut.t[-1]:.1f} s; beyond, ") for line in found.said)
+    assert any(line.startswith(f"fits until {dut.t[-1]:.1f} s; beyond, ") for line in found.shown)
     assert np.abs(dut.w).max() < 10.0
 
 

@@ -7,9 +7,10 @@ import dataclasses as dc
 import pytest
 
 from np_drake.diagnosis.doctor.examine import examine
+from np_drake.finding import Kind
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import open_flights
-from np_drake.logs.rotors import NOTE, rotor_orders, torques_seen
+from np_drake.logs.rotors import rotor_orders, torques_seen
 from np_drake.vehicle import load_vehicle
 
 CRAZYFLIES = [  # flight, preset, mass [kg], map
@@ -30,7 +31,7 @@ def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(
     for log in flights:
         if found := rotor_orders(torques_seen([log], vehicle).get(None, ()), vehicle):
             assert found[0] == found[1][0]
-        assert not any(note.startswith(NOTE) for note in log.notes)
+        assert not any(f.kind is Kind.ROTOR_ORDER for f in log.findings)
     report = examine(flights, vehicle)
     assert report.usable
     assert max(report.residual_force.values()) < 0.25
@@ -41,4 +42,4 @@ def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(
         rotor_directions=[vehicle.rotor_directions[i] for i in order],
     )
     (again, *_), _ = open_flights(real_flights / name, turned, log_map)
-    assert any(note.startswith(NOTE) for note in again.notes)
+    assert any(f.kind is Kind.ROTOR_ORDER for f in again.findings)
