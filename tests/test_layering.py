@@ -187,9 +187,9 @@ def branches_on_text(source: str) -> list[int]:
             return getattr(node.args[0], "id", "") in findings
         return getattr(node, "attr", "") == "text" or getattr(node, "id", None) in lines
 
-    calls = [n for n in nodes if isinstance(n, ast.Call) and getattr(n.func, "attr", "") in ASKS]
+    calls = [n for n in nodes if isinstance(n, ast.Call) and n.args]
     compared = [n for n in nodes if isinstance(n, ast.Compare)]
-    asked = [(n, n.func.value) for n in calls]
+    asked = [(n, n.func.value) for n in calls if getattr(n.func, "attr", "") in ASKS]
     asked += [(n, own) for n in compared for own in (n.left, *n.comparators)]
     return [node.lineno for node, own in asked if for_people(own)]
 
