@@ -2,8 +2,10 @@
 known, figures of the rows by a table of named aggregates, and their tables and pictures.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import reduce
+from itertools import chain
 from operator import getitem
 from typing import Any
 
@@ -123,6 +125,8 @@ AGGREGATES: dict[str, Callable[..., Any]] = {
     "mean": lambda values: values.mean(),
     "median": median,
     "most": max,
+    "first": lambda values: values.iloc[0],
+    "named": lambda judged: dict(Counter(name for name, *_ in chain(*judged)).most_common()),
     "summary": summary,
     "names": precision_and_recall,
     "calibration": calibration,
@@ -140,11 +144,22 @@ def listed(rows: pd.DataFrame, column: str, fields: list[str]) -> pd.DataFrame:
 
 def aggregate(rows: pd.DataFrame, line: Mapping[str, Any]) -> Any:
     """Return the figure of a line {"column", "gather": name of an aggregate, "options": of that,
-    "part": of the figure}; where `column` names several, a figure each.
+    "part": of the figure}.
+
+    `column` may name several figures, each by its column or by a line. With `by`, columns by name,
+    it is a list of figures, a line for each of their values.
     """
+    if "by" in line:
+        names = list(line["by"])
+        parts = rows.groupby(list(line["by"].values()), observed=True)
+        rest = {key: value for key, value in line.items() if key != "by"}
+        return [
+            dict(zip(names, values, strict=True)) | aggregate(part, rest) for values, part in parts
+        ]
     column = line["column"]
     if isinstance(column, Mapping):
-        return {key: aggregate(rows, {**line, "column": name}) for key, name in column.items()}
+        lines = {k: of if isinstance(of, Mapping) else {"column": of} for k, of in column.items()}
+        return {key: aggregate(rows, {**line, **of}) for key, of in lines.items()}
     figure = AGGREGATES[line["gather"]](rows[column], **line.get("options", {}))
     return figure[line["part"]] if "part" in line else figure
 

@@ -376,7 +376,7 @@ def score(cases: Sequence[AnsweredCase], *, seed: int = 0) -> dict[str, Any]:
 
 def metrics(rows: pd.DataFrame, seed: int = 0) -> dict[str, Any]:
     """Return all metrics of cases that are taken together: those of `score.yaml`, the curve of
-    detection, and rows by parameter, out-of-library effect and effect.
+    detection, and rows by effect.
 
     rows: of `outcome`.
     """
@@ -385,7 +385,9 @@ def metrics(rows: pd.DataFrame, seed: int = 0) -> dict[str, Any]:
     size = onsets["error"].astype(float).abs()
     frames = {
         "cases": rows,
-        "errors": errors.assign(exact=errors["size"] == 0.0),
+        "errors": errors.assign(
+            exact=errors["size"] == 0.0, effect=pd.Categorical(errors["effect"], list(LIBRARY))
+        ),
         "onset": onsets.assign(size=size, within=size <= TOLERANCE),
     }
 
@@ -399,46 +401,13 @@ def metrics(rows: pd.DataFrame, seed: int = 0) -> dict[str, Any]:
         *sections, name = line["key"].split(".")
         section = reduce(lambda parent, key: parent.setdefault(key, {}), sections, result)
         section[name] = aggregate(counted(line["of"]), line)
-    parameters = counted("parameters")
-    result["parameters"]["rows"] = _parameter_rows(parameters)
-    result["rates"]["foreign"]["kinds"] = _out_of_library_rows(counted("foreign_visible"))
     begun = rows[rows["kind"].isin(("single", "onset"))]
     begun = begun.sort_values("kind", ascending=False, kind="stable")
     return {
         **result,
         "detection": detection(begun["visibility"], begun["detected"], seed),
-        "effects": _effect_rows(rows, parameters),
+        "effects": _effect_rows(rows, counted("parameters")),
     }
-
-
-def _parameter_rows(errors: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return a row for every parameter, or vector of them, of every effect."""
-    rows = [
-        {
-            "effect": effect,
-            "parameter": parameter,
-            "kind": part["kind"].iloc[0],
-            "n": len(part),
-            "median_error": median(part["size"]),
-            "coverage": share(part["inside"]),
-        }
-        for (effect, parameter), part in errors.groupby(["effect", "parameter"])
-    ]
-    return sorted(rows, key=lambda row: list(LIBRARY).index(row["effect"]))
-
-
-def _out_of_library_rows(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return, by out-of-library effects that act together, how often they are called unknown and a
-    wrong name is given confidently, and as what they are misnamed.
-    """
-    return [
-        {
-            "kind": kind,
-            **{name: share(part[name]) for name in ("unknown", "alone", "wrong_and_sure")},
-            "named": dict(Counter(name for name, *_ in chain(*part["judged"])).most_common()),
-        }
-        for kind, part in rows.groupby("together")
-    ]
 
 
 def _effect_rows(rows: pd.DataFrame, errors: pd.DataFrame) -> list[dict[str, Any]]:

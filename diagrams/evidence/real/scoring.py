@@ -77,11 +77,11 @@ def mean_force(flights: Iterable[FlightLog], vehicle: Vehicle) -> np.ndarray:
 
 def force_of(log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect]) -> np.ndarray:
     """Return the mean force of effects over a flight, (3,) in W [N]; rotors share the thrust."""
-    t = log.t[:: max(1, int(STEP / log.step))]
-    x = Signal(log.t, log.x).linear(t)
+    rows = slice(None, None, max(1, int(STEP / log.step)))
+    x = log.x[rows].copy()
     x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
-    thrust = np.repeat(0.25 * Signal(log.t, log.u[:, :1]).linear(t), 4, axis=1)
-    return total_wrench(vehicle, effects, Motion(t, x, thrust))[:, :3].mean(axis=0)
+    motion = Motion(log.t[rows], x, np.repeat(0.25 * log.u[rows, :1], 4, axis=1))
+    return total_wrench(vehicle, effects, motion)[:, :3].mean(axis=0)
 
 
 def wind_figures(
@@ -255,17 +255,18 @@ def payload_columns(flights: Sequence[FlightResiduals]) -> list[Columns]:
     """Return, for every tether length, the force of a payload per mass and its change with the
     start of every flight, about hanging still.
     """
-    rows = np.cumsum([0, *(len(e.t) for e in flights)])
-    X = np.zeros((len(LENGTHS), rows[-1], WRENCH, 1 + 4 * len(flights)))
     moves = np.concatenate([np.zeros((1, 4)), SMALL * np.eye(4)])
     lengths = np.repeat(LENGTHS, 5)
     states = np.tile(moves, (len(LENGTHS), 1))
+    blocks = []
     for i, e in enumerate(flights):
-        here = slice(rows[i], rows[i + 1])
-        pull = _pulls(e, lengths, states)
-        force = np.einsum("nji,nkj->kni", e.R_WB, pull).reshape(len(LENGTHS), 5, -1, 3)
-        X[:, here, :3, 0] = force[:, 0]
-        X[:, here, :3, 1 + 4 * i : 5 + 4 * i] = np.moveaxis(force[:, 1:] - force[:, :1], 1, -1)
+        pull = _pulls(e, lengths, states) @ e.R_WB
+        hanging_still, *moved = pull.reshape(len(e.t), len(LENGTHS), 5, 3).transpose(2, 1, 0, 3)
+        X = np.zeros((len(LENGTHS), len(e.t), WRENCH, 1 + 4 * len(flights)))
+        X[:, :, :3, 0] = hanging_still
+        X[:, :, :3, 1 + 4 * i : 5 + 4 * i] = np.stack(moved - hanging_still, axis=-1)
+        blocks.append(X)
+    X = np.concatenate(blocks, axis=1)
     X[..., 1:] *= SHARE * flights[0].vehicle.mass  # start states count in products with the mass
     return [(PAYLOAD, columns) for columns in X]
 
@@ -301,8 +302,7 @@ def fit(y: np.ndarray, chosen: Sequence[Columns]) -> tuple[np.ndarray, float]:
     # likelihood of both.
     for _ in range(3):
         A, b = _scaled(X, y, weights)
-        if len(c):
-            c = np.linalg.lstsq(A, b, rcond=1e-10)[0]
+        c = np.linalg.lstsq(A, b, rcond=1e-10)[0]
         weights = _weights(y - X @ c)
     used = weights > 0
     size = len(c) * math.log(len(y) * used.sum())
@@ -577,9 +577,9 @@ def run(
         "diagnosing" if answers is None else "scoring", "cases", work, listed, config=config
     )
     failed = failures(finished)
-    records = [dict(r["result"]) for r in finished if "result" in r]
-    folders = {(case.group, case.name): case.folder for case in cases}
-    made = {folders[r["group"], r["case"]]: r.pop("answer") for r in records if "answer" in r}
+    scores = [(case, r["result"]) for case, r in zip(cases, finished, strict=True) if "result" in r]
+    made = {case.folder: result.pop("answer") for case, result in scores if "answer" in result}
+    records = [result for _, result in scores]
     rows = outcomes(records)
     bins = calibrations(rows) if records else {}
 
