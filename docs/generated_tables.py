@@ -1,6 +1,6 @@
 """Hook of mkdocs: writes into the pages what the code itself says, in place of marks, and formulas
-as MathML, which browsers show without a script and without a network; adds the page of the
-commands.
+as MathML, which browsers show without a script and without a network; adds the pages of the
+commands and of the constants.
 
 A mark is a comment of HTML: `effects`, `parameters`, `exports`, or `fields MODULE.CLASS PART` for
 the fields of a dataclass, or of its part, as `reality.payload`.
@@ -62,12 +62,73 @@ PAGES = {  # verb -> the page that shows its use; a verb without one has an empt
 }
 
 
+CONSTANTS = """# Constants
+
+What no publication fixes, with the reason that the code states. This page is generated from the comments of the code.
+"""  # noqa: E501
+CHOICE = re.compile(r"\W*(?:source: )?own choice\W*", re.I)
+FLOORS = ("np_drake", "systems", "diagrams")
+
+
 def on_files(files: Any, *, config: Any) -> Any:
-    """Return the files of the site with the page of the commands, called by mkdocs once."""
+    """Return the files of the site with the generated pages, called by mkdocs once."""
     from mkdocs.structure.files import File
 
-    files.append(File.generated(config, "reference/commands.md", content=commands()))
+    pages = {"commands": commands(), "constants": constants()}
+    for name, content in pages.items():
+        files.append(File.generated(config, f"reference/{name}.md", content=content))
     return files
+
+
+def constants() -> str:
+    """Return the page of the constants, a table a package."""
+    root = Path(__file__).parents[1]
+    tables: dict[str, list[str]] = {}
+    for path in sorted(path for floor in FLOORS for path in (root / floor).rglob("*.py")):
+        place = path.relative_to(root).with_suffix("")
+        lines = tables.setdefault(".".join(place.parts[:2][: len(place.parts) - 1]), [])
+        lines += [
+            f"| `{place.name}.{name}` | `{value}` | {unit} | {_plain(meaning)} | {_plain(reason)} |"
+            for name, value, unit, meaning, reason in chosen(path.read_text("utf-8"))
+        ]
+    head = "| constant | value | unit | meaning | reason |\n|---|---|---|---|---|"
+    sections = [f"## `{room}`\n\n{head}\n" + "\n".join(t) for room, t in tables.items() if t]
+    return "\n\n".join([CONSTANTS, *sections, ""])
+
+
+def chosen(source: str) -> list[tuple[str, str, str, str, str]]:
+    """Return name, value, unit, meaning and reason of each constant whose comment says `own
+    choice`.
+    """
+    comments = _comments(source)
+    rows = []
+    for node in ast.parse(source).body:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+            continue
+        text = _comment_of(node, comments)
+        if not CHOICE.search(text):
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        unit = re.search(r"\[([^\]]*)\]", text)
+        meaning, reason = CHOICE.split(re.sub(r"\s*\[[^\]]*\]", "", text, count=1), maxsplit=1)
+        value = " ".join(ast.unparse(node.value).split()).replace("|", "\\|")
+        rows.append((ast.unparse(targets[0]), value, unit[1] if unit else "–", meaning, reason))
+    return rows
+
+
+def _comments(source: str) -> dict[int, tokenize.TokenInfo]:
+    """Return the comments of a source by line."""
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    return {t.start[0]: t for t in tokens if t.type == tokenize.COMMENT}
+
+
+def _comment_of(node: ast.stmt, comments: dict[int, tokenize.TokenInfo]) -> str:
+    """Return the comments above and beside a statement as one text."""
+    first = node.lineno
+    while first - 1 in comments and comments[first - 1].line.lstrip().startswith("#"):
+        first -= 1
+    lines = range(first, (node.end_lineno or first) + 1)
+    return " ".join(comments[k].string.strip("# ") for k in lines if k in comments)
 
 
 def commands() -> str:
@@ -162,19 +223,15 @@ def described(thing: Any) -> dict[str, tuple[str, str, str]]:
     comments beside and above it.
     """
     source = inspect.getsource(type(thing))
-    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
-    comments = {t.start[0]: t for t in tokens if t.type == tokenize.COMMENT}
+    comments = _comments(source)
     metadata = {field.name: field.metadata for field in dc.fields(thing)}
-    found = {}
+    rows = {}
     for node in ast.parse(source).body[0].body:  # type: ignore[attr-defined]
         if not isinstance(node, ast.AnnAssign):
             continue
-        first = node.lineno
-        while first - 1 in comments and comments[first - 1].line.lstrip().startswith("#"):
-            first -= 1
-        lines = range(first, (node.end_lineno or first) + 1)
-        text = " ".join(comments[k].string.strip("# ") for k in lines if k in comments)
-        name, unit = node.target.id, UNIT.search(text)  # type: ignore[union-attr]
+        text = _comment_of(node, comments)
+        name = node.target.id  # type: ignore[union-attr]
+        unit = UNIT.search(text)
         about = metadata[name]
         value = getattr(thing, name)
         shown = about.get("unit") or (unit[1] if unit else "1" if type(value) is int else "–")
@@ -183,8 +240,8 @@ def described(thing: Any) -> dict[str, tuple[str, str, str]]:
             meaning = f"{' | '.join(about['words'])}: {meaning}"
         if dc.is_dataclass(value) and not meaning:
             meaning = (inspect.getdoc(type(value)) or "").split("\n\n")[0]
-        found[name] = (shown, _value(value), meaning)
-    return found
+        rows[name] = (shown, _value(value), meaning)
+    return rows
 
 
 def _value(value: Any) -> str:
