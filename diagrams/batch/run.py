@@ -67,8 +67,8 @@ def _guarded(work: Callable[[Case], dict], mine: str, case: Case) -> Record:
     """Return {"result"} or {"error"}, and processor time "seconds" [s]: no error has to travel."""
     start = os.times()
     try:
-        if (found := version("np_drake")) != mine:
-            raise FailedRun(f"{socket.gethostname()}: np_drake must be {mine}; got {found}.")
+        if (here := version("np_drake")) != mine:
+            raise FailedRun(f"{socket.gethostname()}: np_drake must be {mine}; got {here}.")
         record: Record = {"result": plain(work(case))}
         json.dumps(record, allow_nan=False)  # what JSON does not know fails this case alone
     except Exception as error:
@@ -93,13 +93,13 @@ def as_they_finish(
     The work never runs in this process; what it raises ends all. When a process dies, the oldest
     cases run once more, each alone, and what dies again has a FailedRun in place of a value.
     """
-    left = dict(enumerate(cases))
-    while left:
+    open_cases = dict(enumerate(cases))
+    while open_cases:
         try:
-            yield from _together(work, left, jobs)
+            yield from _together(work, open_cases, jobs)
         except BrokenProcessPool:
-            for suspect in list(left)[: 2 * jobs]:  # more are not dispatched
-                alone = {suspect: left.pop(suspect)}
+            for suspect in list(open_cases)[: 2 * jobs]:  # more are not dispatched
+                alone = {suspect: open_cases.pop(suspect)}
                 try:
                     yield from _together(work, alone, 1)
                 except BrokenProcessPool as error:
@@ -108,14 +108,14 @@ def as_they_finish(
 
 
 def _together(
-    work: Callable[[Any], Any], left: dict[int, Any], jobs: int
+    work: Callable[[Any], Any], open_cases: dict[int, Any], jobs: int
 ) -> Iterator[tuple[int, Any]]:
-    """Yield what finishes, and take it from the cases that are left."""
+    """Yield what finishes, and take it from the open cases."""
     from joblib import Parallel, delayed, parallel_config  # takes a while: not where nothing is run
 
     # Of processes that have grown and are replaced between two cases, and of a campaign that ends.
     warnings.filterwarnings("ignore", module="joblib")
-    tasks = [delayed(_numbered)(work, number, case) for number, case in left.items()]
+    tasks = [delayed(_numbered)(work, number, case) for number, case in open_cases.items()]
     with parallel_config("loky", inner_max_num_threads=1):
         parallel = Parallel(
             max(jobs, 2),  # of which one idles where jobs is 1: Parallel(1) would work here
@@ -125,7 +125,7 @@ def _together(
             return_as="generator_unordered",
         )
     for number, value in parallel(tasks):
-        del left[number]
+        del open_cases[number]
         yield number, value
 
 
@@ -242,30 +242,30 @@ class Workers:
         records: dict[int, Record] = {}
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
-            found = {number: kept_json(folder / name) for number, name in enumerate(names)}
-            records = {
-                n: record
-                for n, record in found.items()
-                if isinstance(record, dict) and "result" in record
-            }
-        left = [number for number in range(len(cases)) if number not in records]
+            for number, name in enumerate(names):
+                kept = kept_json(folder / name)
+                if isinstance(kept, dict) and "result" in kept:
+                    records[number] = kept
+        remaining = [number for number in range(len(cases)) if number not in records]
         if records:
             on_progress(len(records), len(cases))
-        work_left = [cases[number] for number in left]
         guarded = partial(_guarded, work, head["version"])
+        remaining_cases = [cases[number] for number in remaining]
         outcomes = (
-            on_cluster(guarded, work_left, self.scheduler)
-            if self.scheduler and left  # else no cluster is asked for, nor a process
-            else as_they_finish(guarded, work_left, self.jobs)
+            on_cluster(guarded, remaining_cases, self.scheduler)
+            if self.scheduler and remaining  # else no cluster is asked for, nor a process
+            else as_they_finish(guarded, remaining_cases, self.jobs)
         )
-        for at, outcome in outcomes:
+        for place, outcome in outcomes:
+            number = remaining[place]
+            case = cases[number]
             if isinstance(outcome, FailedRun):
                 outcome = {"error": one_line(outcome), "seconds": None}
             elif "result" in outcome:
-                outcome = {**outcome, "result": keep(work_left[at], _pure(outcome["result"]))}
-            record = records[left[at]] = _pure({"case": work_left[at], **outcome})
+                outcome |= {"result": keep(case, _pure(outcome["result"]))}
+            records[number] = _pure({"case": case, **outcome})
             if folder is not None:
-                write_text(folder / names[left[at]], json.dumps(record, indent=1) + "\n")
+                write_text(folder / names[number], json.dumps(records[number], indent=1) + "\n")
             on_progress(len(records), len(cases))
         in_order = [records[number] for number in range(len(cases))]
         self.finished.extend(in_order)

@@ -183,19 +183,19 @@ def write_sdf(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) -> lis
 
 
 def _without_rotors(
-    whole: MassProperties, positions: np.ndarray, rotor_mass: float, rotor_J: np.ndarray
+    total: MassProperties, positions: np.ndarray, rotor_mass: float, rotor_J: np.ndarray
 ) -> MassProperties:
     """Return what remains of a vehicle without its rotor links, at positions (4, 3) [m]."""
-    mass = whole.mass - 4 * rotor_mass
-    p = (whole.mass * whole.p_BoBcm_B - rotor_mass * positions.sum(axis=0)) / mass
-    J = whole.J + _steiner(whole.mass, whole.p_BoBcm_B) - _steiner(mass, p)
+    mass = total.mass - 4 * rotor_mass
+    p = (total.mass * total.p_BoBcm_B - rotor_mass * positions.sum(axis=0)) / mass
+    J = total.J + _steiner(total.mass, total.p_BoBcm_B) - _steiner(mass, p)
     J = J - sum(rotor_J + _steiner(rotor_mass, p_i) for p_i in positions)
     rest = MassProperties(mass, p, J)
     if not rest.rigid:
         raise ValueError(
             "write_sdf: the rotor links must leave a rigid body; they take "
-            f"{4 * rotor_mass:g} kg and {4 * rotor_J[2, 2]:g} kg·m² from {whole.mass:g} kg and "
-            f"{whole.J.diagonal()} kg·m²."
+            f"{4 * rotor_mass:g} kg and {4 * rotor_J[2, 2]:g} kg·m² from {total.mass:g} kg and "
+            f"{total.J.diagonal()} kg·m²."
         )
     return rest
 
@@ -288,6 +288,6 @@ def coverage_markdown() -> str:
     lines += ["|---" * (1 + len(FORMATS)) + "|"]
     for identifier, effect in effects_for("rotor_speed", neighbours=True).items():
         if not issubclass(effect, SensorEffect):
-            told = [how_carried(effect, LAWS[name])[0] for name in FORMATS]
-            lines.append(f"| `{identifier}` | {' | '.join(told)} |")
+            ways = [how_carried(effect, LAWS[name])[0] for name in FORMATS]
+            lines.append(f"| `{identifier}` | {' | '.join(ways)} |")
     return "\n".join(lines)

@@ -111,7 +111,7 @@ def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> N
     Raises: OSError: if the file cannot be written.
     """
     answer = f"{headline(diagnosis)}."
-    said = [
+    comments = [
         *textwrap.wrap(answer, 110, break_long_words=False, break_on_hyphens=False),
         *(
             f"{cause.identifier} keeps its first mass here; its changes are in diagnosis.json."
@@ -142,7 +142,7 @@ def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> N
     text = environment.from_string(TEMPLATE.read_text("utf-8")).render(
         not_flyable=diagnosis.not_flyable,
         file=path.name,
-        said=[line.replace(NBSP, " ") for line in said],
+        comments=[line.replace(NBSP, " ") for line in comments],
         scenario="".join(
             yaml.safe_dump(
                 stated(plain(block)), sort_keys=False, default_flow_style=None, width=110
@@ -173,8 +173,8 @@ def with_trial(diagnosis: Diagnosis, vehicle: Vehicle) -> Diagnosis:
     try:
         why = not_flyable(corrected_simulator(diagnosis, vehicle))
     except ValueError as error:
-        said = " ".join(str(error).split()).rstrip(".")
-        why = f"no simulator can be made of these causes: {said}; check them by hand"
+        reason = " ".join(str(error).split()).rstrip(".")
+        why = f"no simulator can be made of these causes: {reason}; check them by hand"
     return dc.replace(diagnosis, refit=second, not_flyable=why)
 
 

@@ -66,8 +66,8 @@ class _Flight:
     def acting(self, time: float) -> tuple[Effect, ...]:
         """Return the effects that have begun at `time` [s], of payloads the last."""
         begun = [effect for effect, onset in self.effects if onset <= time]
-        *earlier, _ = [None, *(k for k, e in enumerate(begun) if isinstance(e, SuspendedPayload))]
-        return tuple(effect for k, effect in enumerate(begun) if k not in earlier)
+        payloads = [effect for effect in begun if isinstance(effect, SuspendedPayload)]
+        return tuple(e for e in begun if e not in payloads or e is payloads[-1])
 
     def swing(self, time: float) -> "Swing | None":
         """Return the swing of the payload at `time` [s]."""
@@ -157,19 +157,20 @@ class DrakeReplay:
             if len(later) > 1:
                 states = np.vstack([states, self._fly(flight, int(rows[0]), t[later[1:]])])
             flown.append(states[place])
-        found = np.concatenate(flown)
-        errors = state_error(found[:, :13], flight.states.x[np.concatenate(legs)])
-        return Ghost(found[:, :13], found[:, 13:], np.where(np.isfinite(errors), errors, np.inf))
+        replayed = np.concatenate(flown)
+        errors = state_error(replayed[:, :13], flight.states.x[np.concatenate(legs)])
+        return Ghost(
+            replayed[:, :13], replayed[:, 13:], np.where(np.isfinite(errors), errors, np.inf)
+        )
 
     def _prepared(self, log: FlightLog, effects: Effects) -> _Flight:
         """Return what a replay of this flight needs."""
         vehicle = self._vehicle
         measured = log.input == "rotor_speed"
-        own = in_flight(vehicle, measured=measured, others=(e for e, _ in effects))
-        every: Effects = [*((e, {}) for e in own), *effects]
+        calibrated = in_flight(vehicle, measured=measured, others=(e for e, _ in effects))
         sensors = []
-        bodily = []
-        for effect, onsets in every:
+        bodily: list[tuple[Effect, float]] = []
+        for effect, onsets in [*((e, {}) for e in calibrated), *effects]:
             if onsets and log.name not in onsets:
                 continue
             if isinstance(effect, WrenchEffect):
@@ -180,9 +181,9 @@ class DrakeReplay:
             elif not effect.lacking():  # as in a flight without neighbours
                 bodily.append((effect, -np.inf if onset is None else onset))
         states = true_states(log, vehicle, sensors)
-        first = next((e for e, _ in bodily if isinstance(e, SuspendedPayload)), None)
-        others = (e for e, _ in bodily if not isinstance(e, SuspendedPayload))
-        parts = split_effects([*others, *([] if first is None else [first])])
+        payloads = [effect for effect, _ in bodily if isinstance(effect, SuspendedPayload)]
+        others = [effect for effect, _ in bodily if not isinstance(effect, SuspendedPayload)]
+        parts = split_effects([*others, *payloads[:1]])
         if vehicle.logged_point == "center_of_mass":
             states = states.about(mass_properties(vehicle, parts.mass).p_BoBcm_B)
         track = None

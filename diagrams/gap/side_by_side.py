@@ -51,7 +51,7 @@ class SideBySide:
     x: (frames, 13) as logged.
     start: flight time of the first frame [s].
     restarted: (frames,) frame at which the simulators last started from the flight.
-    corrected: None where no cause was found.
+    corrected: None where no cause was replays.
     """
 
     flight: str
@@ -140,7 +140,7 @@ def _shown(log: FlightLog, effects: Effects, *, joined: bool) -> np.ndarray:
     return kept[0] + frames(t[kept]) if len(kept) > 2 else np.zeros(0, int)
 
 
-def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) -> None:
+def write_side_by_side(replays: SideBySide, vehicle: Vehicle, path: str | Path) -> None:
     """Write an HTML page that plays the flight (solid) and its replays (ghosts), with the distance
     of each from it.
     Raises: OSError: if it cannot be written.
@@ -149,11 +149,11 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
     film = Film()
     size = scales(vehicle).length
     add_quadrotor(meshcat, vehicle, "flight")
-    add_trail(meshcat, "flight_trail", found.x[:, :3], 0.04 * size, DARK)
-    ghosts = {"nominal": (found.nominal, RED)}
-    if found.corrected is not None:
-        ghosts["corrected"] = (found.corrected, GREEN)
-    frame = np.arange(len(found.x))
+    add_trail(meshcat, "flight_trail", replays.x[:, :3], 0.04 * size, DARK)
+    ghosts = {"nominal": (replays.nominal, RED)}
+    if replays.corrected is not None:
+        ghosts["corrected"] = (replays.corrected, GREEN)
+    frame = np.arange(len(replays.x))
     trails = [("flight_trail", 0 * frame, frame)]
     read_outs = []
     for name, (ghost, color) in ghosts.items():
@@ -162,21 +162,21 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
         # Where a ghost was lost, its trail stays at the last frame of the leg in which it was not.
         error = ghost.errors[:, 0]
         p = ghost.x[:, :3]
-        flown = np.where(np.isfinite(p), p, found.x[:, :3])
+        flown = np.where(np.isfinite(p), p, replays.x[:, :3])
         add_trail(meshcat, f"{name}_trail", flown, 0.05 * size, color)
-        last = np.maximum.accumulate(np.where(np.isfinite(error), frame, found.restarted))
-        trails.append((f"{name}_trail", found.restarted, last))
+        last = np.maximum.accumulate(np.where(np.isfinite(error), frame, replays.restarted))
+        trails.append((f"{name}_trail", replays.restarted, last))
         read_outs.append((f"{name} simulator", color, error))
-        if found.hook is not None and np.isfinite(ghost.p_WP).any():
+        if replays.hook is not None and np.isfinite(ghost.p_WP).any():
             add_payload(meshcat, 0.2 * size, size, f"{name}_", pale)
-    away = float(np.clip(2.5 * np.quantile(found.nominal.errors[:, 0], 0.9), 7 * size, 20 * size))
-    for k in range(len(found.x)):
-        film.SetTransform(k, "flight", pose(found.x[k]))
+    away = float(np.clip(2.5 * np.quantile(replays.nominal.errors[:, 0], 0.9), 7 * size, 20 * size))
+    for k in range(len(replays.x)):
+        film.SetTransform(k, "flight", pose(replays.x[k]))
         for name, (ghost, _) in ghosts.items():
-            _show(film, k, name, ghost, found.hook)
+            _show(film, k, name, ghost, replays.hook)
     page = Page(
-        title=f"{found.flight}: flight and simulators",
-        start=found.start,
+        title=f"{replays.flight}: flight and simulators",
+        start=replays.start,
         read_outs=tuple(read_outs),
         trails=tuple(trails),
         legend=((DARK, "the flight, as logged"),),

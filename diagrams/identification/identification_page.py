@@ -38,7 +38,7 @@ VEHICLE = "vehicle.yaml"
 
 
 def write_page(
-    found: Identification,
+    identification: Identification,
     rows: list[HeldOut],
     folder: Path,
     *,
@@ -52,33 +52,40 @@ def write_page(
     Raises: OSError: if the folder cannot be written.
     """
     require_writable(folder / PAGE)
-    each = sorted([*own_values(found), *flight_values(found)], key=lambda told: not told.differ)
+    each = sorted(
+        [*own_values(identification), *flight_values(identification)],
+        key=lambda values: not values.differ,
+    )
     pictures = {
-        "intervals": interval_figure(found),
-        "agreement": agreement_figure(found, each) if each else None,
+        "intervals": interval_figure(identification),
+        "agreement": agreement_figure(identification, each) if each else None,
         "residuals": residual_figure(rows) if rows else None,
     }
     shown = {
-        **content(found, rows, each),
+        **content(identification, rows, each),
         "thirds": thirds,
-        "warnings": [*traded(found), *doubts(found), *warnings],
+        "warnings": [*traded(identification), *doubts(identification), *warnings],
     }
     return page.write_page(
-        folder / PAGE, f"Identification · {found.prior.name}", [Section(TEMPLATE, shown)], pictures
+        folder / PAGE,
+        f"Identification · {identification.prior.name}",
+        [Section(TEMPLATE, shown)],
+        pictures,
     )
 
 
 def content(
-    found: Identification, rows: Sequence[HeldOut], each: Sequence[FlightValues]
+    identification: Identification, rows: Sequence[HeldOut], each: Sequence[FlightValues]
 ) -> dict[str, Any]:
     """Return the values that the template uses, with numbers formatted as text."""
     return {
-        "vehicle": found.prior.name,
-        "headline": headline(found),
+        "vehicle": identification.prior.name,
+        "headline": headline(identification),
         "lead": change(rows),
         "file": VEHICLE,
         "not_told": [
-            (capital(listed(titles(found, names))), why, way) for way, names, why in not_told(found)
+            (capital(listed(titles(identification, names))), why, way)
+            for way, names, why in not_told(identification)
         ],
         "header": [
             "quantity",
@@ -96,12 +103,13 @@ def content(
                 "flights" if q.observable else "prior",
                 *([agreement(q)] if each else []),
             ]
-            for q in found.quantities
+            for q in identification.quantities
         ],
-        "agreeing": [told.quantity.title for told in each if not told.differ],
+        "agreeing": [values.quantity.title for values in each if not values.differ],
         "differing": [f"{capital(sentence)}." for sentence in differences(each)],
         "numbers": ", ".join(
-            f"{i + 1} {plain_name(model.flight.name)}" for i, model in enumerate(found.models)
+            f"{i + 1} {plain_name(model.flight.name)}"
+            for i, model in enumerate(identification.models)
         ),
         "residual_header": [
             "flight",
@@ -116,13 +124,13 @@ def content(
         ],
         "open_loop": [_open_loop(row) for row in rows if np.isfinite(row.open_loop).any()],
         "flights": [
-            *((model.flight.name, "fitted") for model in found.models),
+            *((model.flight.name, "fitted") for model in identification.models),
             *((name, "held out") for name in dict.fromkeys(row.flight for row in rows)),
         ],
         "facts": [
-            ("rotors driven by", KINDS[found.basis.drive]),
-            ("geometry of", found.prior.name),
-            ("mass", _mass(found)),
+            ("rotors driven by", KINDS[identification.basis.drive]),
+            ("geometry of", identification.prior.name),
+            ("mass", _mass(identification)),
             ("np_drake", version("np_drake")),
         ],
     }
@@ -144,9 +152,9 @@ def _open_loop(row: HeldOut) -> list[str]:
     return cells
 
 
-def _mass(found: Identification) -> str:
+def _mass(identification: Identification) -> str:
     """Return where the mass comes from."""
-    basis = found.basis
+    basis = identification.basis
     if basis.mass is not None:
         return f"{measure(basis.mass, 'kg', 3)}, given"
     if basis.newtons:
@@ -215,16 +223,18 @@ def half_width(q: Identified, low: float, high: float) -> str:
     return f"± {100 * (ratio - 1):.2g} %" if ratio < 1.5 else f"× ÷ {ratio:.2g}"
 
 
-def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
+def not_told(identification: Identification) -> list[tuple[str, list[str], str]]:
     """Return (manoeuvre, names, why) of what the flights do not tell, a manoeuvre each that would
     tell it.
     """
-    traded = {name for pair in trades(found) for names in pair for name in names}
+    traded = {name for pair in trades(identification) for names in pair for name in names}
     ways: dict[str, list[Identified]] = {}
-    for q in found.quantities:
+    for q in identification.quantities:
         if not q.observable and q.quantity.manoeuvre and q.name not in traded:
             ways.setdefault(q.quantity.manoeuvre, []).append(q)
-    silent = [q.name for q in QUANTITIES if not found.parts.issuperset({*q.needs} & {"rotors"})]
+    silent = [
+        q.name for q in QUANTITIES if not identification.parts.issuperset({*q.needs} & {"rotors"})
+    ]
     alone = [(EACH_ROTOR, silent, "the log does not say what turns each rotor")] if silent else []
     return alone + [
         (
@@ -236,48 +246,48 @@ def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
     ]
 
 
-def summary(found: Identification) -> list[str]:
+def summary(identification: Identification) -> list[str]:
     """Return what a reader must know, a sentence each."""
     lines = [
-        headline(found),
+        headline(identification),
         *(
-            f"not told: {', '.join(titles(found, names))}; {way} would tell"
-            for way, names, _ in not_told(found)
+            f"not told: {', '.join(titles(identification, names))}; {way} would tell"
+            for way, names, _ in not_told(identification)
         ),
-        *traded(found),
+        *traded(identification),
         *(
             f"not told: {q.title}"
-            for q in found.quantities
+            for q in identification.quantities
             if not q.observable and not q.quantity.manoeuvre
         ),
     ]
-    if differing := differences([*own_values(found), *flight_values(found)]):
+    if differing := differences([*own_values(identification), *flight_values(identification)]):
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
-    return [*lines, *(f"doubted: {doubt}" for doubt in doubts(found))]
+    return [*lines, *(f"doubted: {doubt}" for doubt in doubts(identification))]
 
 
-def titles(found: Identification, names: Sequence[str]) -> list[str]:
+def titles(identification: Identification, names: Sequence[str]) -> list[str]:
     """Return the names of quantities for people."""
-    known = {q.name: q.title for q in found.quantities}
+    known = {q.name: q.title for q in identification.quantities}
     return [known.get(name, name) for name in names]
 
 
-def traded(found: Identification) -> list[str]:
+def traded(identification: Identification) -> list[str]:
     """Return what flights tell together alone, a sentence each."""
-    return [
-        f"not told apart: {' against '.join(listed(titles(found, names)) for names in pair)}; "
-        "either, measured, tells the other"
-        for pair in trades(found)
+    pairs = [
+        " against ".join(listed(titles(identification, names)) for names in pair)
+        for pair in trades(identification)
     ]
+    return [f"not told apart: {pair}; either, measured, tells the other" for pair in pairs]
 
 
 def differences(each: Sequence[FlightValues]) -> list[str]:
     """Return what flights differ in: a sentence for what stands out or moves with something, one
     for all else.
     """
-    differing = [told for told in each if told.differ]
-    plain = [told.quantity.title for told in differing if not told.apart]
-    alone = [told.text for told in differing if told.quantity.title not in plain]
+    differing = [values for values in each if values.differ]
+    plain = [values.quantity.title for values in differing if not values.apart]
+    alone = [values.text for values in differing if values.quantity.title not in plain]
     return [f"flights differ in: {'; '.join(plain)}", *alone] if plain else alone
 
 
@@ -288,19 +298,22 @@ def agreement(q: Identified) -> str:
     return "agree" if q.p >= DIFFER else f"differ, p {q.p:.1g}"
 
 
-def headline(found: Identification) -> str:
+def headline(identification: Identification) -> str:
     """Return the answer in one line: three numbers, and whether the flights tell them."""
-    every = {q.name: q for q in found.quantities}
-    count = len(found.models)
+    quantities = {q.name: q for q in identification.quantities}
+    count = len(identification.models)
     by = f"{count} flight{'s' if count > 1 else ''}"
-    told = sum(q.observable for q in found.quantities)
-    leading = [next((every[n] for n in names if n in every), None) for names in ANSWERS]
-    said = [
+    observable = sum(q.observable for q in identification.quantities)
+    leading = [next((quantities[n] for n in names if n in quantities), None) for names in ANSWERS]
+    answers = [
         f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)}, {TELLS[q.observable]})"
         for q in leading
         if q
     ]
-    return f"{by} of {found.prior.name}: {listed(said)}; {told} of {len(every)} are told"
+    return (
+        f"{by} of {identification.prior.name}: {listed(answers)}; {observable} of "
+        f"{len(quantities)} are told"
+    )
 
 
 def change(rows: Sequence[HeldOut]) -> str:
@@ -320,7 +333,7 @@ def change(rows: Sequence[HeldOut]) -> str:
     return f"On {flights(len(names))} the residual {listed(both)}." if both else ""
 
 
-TOLD = PALETTE[0]
+OBSERVABLE = PALETTE[0]
 OTHER = PALETTE[1]
 PRIOR = "0.85"
 REACH = 2.2  # of the axis, in half widths of the prior [1]
@@ -328,16 +341,16 @@ ACROSS = 3  # panels beside each other
 MARKS = {"vehicle file": ("o", PALETTE[1]), "identified": ("s", PALETTE[0])}
 
 
-def interval_figure(found: Identification) -> Figure:
+def interval_figure(identification: Identification) -> Figure:
     """Return value and 95 % interval of each quantity on the scale of its prior's, with its numbers
     beside.
     """
-    shown = found.quantities
+    shown = identification.quantities
     figure, grid = new_figure(1, 1, width=9.6, height=1.3 + 0.27 * len(shown))
     ax = grid[0, 0]
     for place, q in enumerate(shown):
         value, *ends = (place_in_prior(q, v) for v in (q.value, q.low, q.high))
-        colour = TOLD if q.observable else OTHER
+        colour = OBSERVABLE if q.observable else OTHER
         ax.hlines(place, -1, 1, color=PRIOR, linewidth=9, label="prior, 95 %", zorder=1)
         ax.plot(np.clip(ends, -REACH, REACH), [place, place], color=colour, linewidth=2.4, zorder=2)
         ax.plot(
@@ -351,8 +364,8 @@ def interval_figure(found: Identification) -> Figure:
             label="told by the flights" if q.observable else "not told: the prior's",
             zorder=3,
         )
-        told, both = interval(q)
-        ax.text(REACH + 0.12, place, f"{told}   ({both})", va="center")
+        number_text, ends_text = interval(q)
+        ax.text(REACH + 0.12, place, f"{number_text}   ({ends_text})", va="center")
     ax.set_yticks(range(len(shown)), [q.title for q in shown])
     ax.set(xlim=(-REACH, REACH), ylim=(len(shown) - 0.4, -0.6), xticks=[-2, -1, 0, 1, 2])
     ax.set_xlabel(
@@ -375,10 +388,10 @@ def place_in_prior(q: Identified, value: float) -> float:
     return (value - 0.5 * (low + high)) / max(0.5 * (high - low), 1e-300)
 
 
-def agreement_figure(found: Identification, each: Sequence[FlightValues]) -> Figure:
+def agreement_figure(identification: Identification, each: Sequence[FlightValues]) -> Figure:
     """Return what each flight tells alone of each quantity, beside what all tell together."""
     rows = math.ceil(len(each) / ACROSS)
-    count = len(found.models)
+    count = len(identification.models)
     figure, grid = new_figure(rows, ACROSS, width=10.5, height=0.9 + 1.75 * rows)
     for place, ax in enumerate(grid.ravel()):
         if place >= len(each):
@@ -393,22 +406,24 @@ def agreement_figure(found: Identification, each: Sequence[FlightValues]) -> Fig
     return figure
 
 
-def _flights(ax, told: FlightValues) -> None:
-    q = told.quantity
+def _flights(ax, values: FlightValues) -> None:
+    q = values.quantity
     factor, shown = shown_in(q)
     ax.axhspan(factor * q.low, factor * q.high, color=PRIOR, zorder=0, label="all together, 95 %")
     ax.axhline(factor * q.value, color="0.5", linewidth=0.9, zorder=1)
-    apart = np.isin(told.names, told.apart)
+    apart = np.isin(values.names, values.apart)
     for out, colour, mark, label in (
-        (False, TOLD, "o", "one flight alone, 95 %"),
+        (False, OBSERVABLE, "o", "one flight alone, 95 %"),
         (True, OTHER, "D", "a flight that stands out"),
     ):
-        i = np.flatnonzero(np.isfinite(told.value) & (apart == out))
+        i = np.flatnonzero(np.isfinite(values.value) & (apart == out))
         if len(i):
-            ax.vlines(i, factor * told.low[i], factor * told.high[i], color=colour, linewidth=1.6)
-            ax.plot(i, factor * told.value[i], mark, markersize=5, color=colour, label=label)
+            ax.vlines(
+                i, factor * values.low[i], factor * values.high[i], color=colour, linewidth=1.6
+            )
+            ax.plot(i, factor * values.value[i], mark, markersize=5, color=colour, label=label)
     p = "" if math.isnan(q.p) else f"p {q.p:.2g}" if q.p >= 0.001 else "p < 0.001"
-    weight = "bold" if told.differ else "normal"
+    weight = "bold" if values.differ else "normal"
     ax.set_title(q.title, loc="left", fontsize=10, fontweight=weight)
     ax.set_title(p, loc="right", fontsize=10, fontweight=weight)
     ax.set_ylabel(f"[{shown or '1'}]")
