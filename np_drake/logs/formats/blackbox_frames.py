@@ -252,8 +252,11 @@ def _add_predictions(frames, kind, memory, skipped):
     fields = memory[FIELDS]
     before = memory[BEFORE]
     earlier = memory[EARLIER]
+    predictors = frames.tables[PREDICTOR, kind]
+    constants = frames.tables[CONSTANT, kind]
+    signed = frames.tables[SIGNED, kind]
     for i in range(frames.counts[kind]):
-        predictor = frames.tables[PREDICTOR, kind, i]
+        predictor = predictors[i]
         if predictor == PREVIOUS:
             fields[i] += before[i]
         elif predictor == STRAIGHT_LINE:
@@ -265,9 +268,9 @@ def _add_predictions(frames, kind, memory, skipped):
         elif predictor == INCREMENT:
             fields[i] = before[i] + 1 + skipped
         else:
-            fields[i] += frames.tables[CONSTANT, kind, i]
+            fields[i] += constants[i]
         fields[i] &= 0xFFFFFFFF
-        if frames.tables[SIGNED, kind, i]:
+        if signed[i]:
             fields[i] = _extended(fields[i], 32)
 
 

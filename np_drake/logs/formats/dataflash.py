@@ -323,6 +323,12 @@ class _Log:
         )
         self.lost = len(data) - sum(len(m.starts) * m.length for m in self.messages.values())
 
+    def timed(self, name: str, columns: Sequence[str]) -> _Message | None:
+        """Return a message with times and all of the columns; None: there is none."""
+        message = self.messages.get(name)
+        usable = message and message.time and set(columns) <= set(message.numbers)
+        return message if usable else None
+
     def texts(self, name: str, *columns: str) -> Iterator[tuple[str, ...]]:
         """Yield the records of a message as text."""
         message = self.messages.get(name)
@@ -411,8 +417,8 @@ def _errors(log: _Log) -> Iterator[tuple[float, str]]:
 
 def _shaken(log: _Log) -> tuple[tuple[int, ...], list[Finding]]:
     """Return what `shaken` does of VIBE, of its first instance."""
-    message = log.messages.get("VIBE")
-    if message is None or not message.time or not set(VIBRATIONS) <= set(message.numbers):
+    message = log.timed("VIBE", VIBRATIONS)
+    if message is None:
         return (), []
     counters = [name for name in message.numbers if name.startswith("Clip")]
     stream = _stream(log, "VIBE.0", [*VIBRATIONS, *counters])
@@ -421,14 +427,13 @@ def _shaken(log: _Log) -> tuple[tuple[int, ...], list[Finding]]:
 
 
 def _stream(log: _Log, name: str, columns: list[str]) -> Stream:
-    message = log.messages.get(name.partition(".")[0])
-    if message is None or not message.time or not set(columns) <= set(message.numbers):
+    message = log.timed(name.partition(".")[0], columns)
+    if message is None:
         raise LogError(
             f"{log.path}, {name}: must hold the columns {', '.join(columns)}; mend the map."
         )
-    values = message.values(
-        [message.time, *columns] + ([message.instance] if message.instance else [])
-    )
+    numbered = [message.instance] if message.instance else []
+    values = message.values([message.time, *columns, *numbered])
     if message.instance and name.endswith(PRIMARY):
         since, lane = _lanes(log, message.name)
         at = np.searchsorted(since, values[:, 0] * TIMES[message.time], side="right") - 1
@@ -444,13 +449,8 @@ def _lanes(log: _Log, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Return since when (k,) [s] which core (k,) of the estimator is primary; empty where no
     message says so.
     """
-    message = log.messages.get(LANES.get(name, ""))
-    if (
-        message is None
-        or not len(message.starts)
-        or not message.time
-        or "PI" not in message.numbers
-    ):
+    message = log.timed(LANES.get(name, ""), ["PI"])
+    if message is None:
         return np.zeros(0), np.zeros(0)
     values = message.values([message.time, "PI"])
     values = values[np.all(np.isfinite(values), axis=1)]

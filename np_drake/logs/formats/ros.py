@@ -75,11 +75,11 @@ WRENCH = (*expanded(f"wrench.force{_XYZ}"), *expanded(f"wrench.torque{_XYZ}"))
 
 @dc.dataclass
 class _Topic:
-    """A topic of a bag: type of its messages, what decodes one, its connections by storage."""
+    """A topic of a bag: type of its messages, what decodes one, its connections."""
 
     type: str
     decode: Callable[[bytes, str], Any]
-    sources: list[tuple[Any, Any]] = dc.field(default_factory=list)
+    connections: list[Any] = dc.field(default_factory=list)
 
 
 @dc.dataclass
@@ -97,7 +97,7 @@ class _Bag:
         damaged end becomes a finding.
         """
         for storage in self.storages:
-            wanted = [c for t in topics for s, c in self.topics[t].sources if s is storage]
+            wanted = [c for t in topics for c in self.topics[t].connections if c.owner is storage]
             try:
                 for connection, time, raw in storage.messages(wanted) if wanted else ():
                     packed = not self.ros1 and isinstance(raw, bytes) and raw.startswith(ZSTD)
@@ -268,7 +268,7 @@ def _find_topics(bag: _Bag) -> None:
     from rosbags.typesys import Stores, get_typestore
 
     known: dict[Any, Any] = {}  # stores of types by definition
-    for storage, connection in [(s, c) for s in bag.storages for c in s.connections]:
+    for connection in [c for storage in bag.storages for c in storage.connections]:
         kind = connection.msgtype
         definition = connection.msgdef
         if definition not in known:
@@ -294,7 +294,7 @@ def _find_topics(bag: _Bag) -> None:
         decode = store.deserialize_ros1 if bag.ros1 else store.deserialize_cdr
         topic = bag.topics.setdefault(connection.topic, _Topic(kind, decode))
         if kind == topic.type:
-            topic.sources.append((storage, connection))
+            topic.connections.append(connection)
         else:
             text = f"{connection.topic}: its messages of type {kind} are left out"
             bag.findings.append(Finding(Kind.LEFT_OUT, str(bag.path), text))
@@ -413,7 +413,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             name: _Rows(bag.topics[name], [_getter(column) for column in columns])
             for name, columns in wanted.items()
         }
-        total = sum(c.msgcount for name in wanted for _, c in bag.topics[name].sources)
+        total = sum(c.msgcount for name in wanted for c in bag.topics[name].connections)
         cells = 0
         for i, (name, time, raw) in enumerate(bag.messages(wanted)):
             rows[name].take(time, raw)

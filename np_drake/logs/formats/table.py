@@ -28,12 +28,14 @@ TEXTS = (".csv", ".csv.gz", ".txt", ".txt.gz", ".tsv", ".tsv.gz")
 PARQUET = ".parquet"
 # Names of a time column, the first that is found, and its unit.
 TIMES = {
-    **dict.fromkeys(
-        ("t", "time", "timestamp", "Time", "Timestamp", "T", "t_s", "time_s", "timestamp_s"), "s"
-    ),
-    **dict.fromkeys(("t_ms", "time_ms", "timestamp_ms", "TimeMS"), "ms"),
-    **dict.fromkeys(("t_us", "time_us", "timestamp_us", "TimeUS"), "us"),
-    **dict.fromkeys(("t_ns", "time_ns", "timestamp_ns", "TimeNS"), "ns"),
+    name: unit
+    for unit, names in {
+        "s": "t, time, timestamp, Time, Timestamp, T, t_s, time_s, timestamp_s",
+        "ms": "t_ms, time_ms, timestamp_ms, TimeMS",
+        "us": "t_us, time_us, timestamp_us, TimeUS",
+        "ns": "t_ns, time_ns, timestamp_ns, TimeNS",
+    }.items()
+    for name in names.split(", ")
 }
 
 

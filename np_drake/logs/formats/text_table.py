@@ -61,17 +61,23 @@ Row = tuple[int, list[str]]  # number of its last line, from 1, and its cells
 
 KNOWN = {unit.lower(): unit for units in UNITS.values() for unit in units}
 SPELLINGS = {  # in lower case: the unit of a map
-    **dict.fromkeys(("m/s^2", "m/s²", "m/s/s", "m/s**2"), "m/s2"),
-    **dict.fromkeys(("rad/s^2", "rad/s²"), "rad/s2"),
-    **dict.fromkeys(("°", "degree", "degrees"), "deg"),
-    **dict.fromkeys(("°/s", "dps", "degrees/s"), "deg/s"),
-    **dict.fromkeys(("nm", "n m", "n*m", "n·m", "n-m"), "N.m"),
-    **dict.fromkeys(("mnm", "mn m", "mn·m"), "mN.m"),
-    **dict.fromkeys(("1/min", "u/min", "min-1"), "rpm"),
-    **dict.fromkeys(("sec", "second", "seconds"), "s"),
-    **dict.fromkeys(("µs", "μs", "usec"), "us"),
-    **dict.fromkeys(("metre", "meter"), "m"),
-    **{"msec": "ms", "%": "percent", "-": "1"},
+    spelling: unit
+    for unit, spellings in {
+        "m/s2": "m/s^2, m/s², m/s/s, m/s**2",
+        "rad/s2": "rad/s^2, rad/s²",
+        "deg": "°, degree, degrees",
+        "deg/s": "°/s, dps, degrees/s",
+        "N.m": "nm, n m, n*m, n·m, n-m",
+        "mN.m": "mnm, mn m, mn·m",
+        "rpm": "1/min, u/min, min-1",
+        "s": "sec, second, seconds",
+        "us": "µs, μs, usec",
+        "ms": "msec",
+        "m": "metre, meter",
+        "percent": "%",
+        "1": "-",
+    }.items()
+    for spelling in spellings.split(", ")
 }
 BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]\s*$")
 LONGEST_UNIT = 12  # characters
