@@ -300,6 +300,22 @@ def _follows(frames, kind, memory, clock):
 
 
 @compiled
+def _is_followed(data, at, stop):
+    """Return whether a frame that ends at a place is read whole: another begins there, or none."""
+    return at <= stop and (at == stop or KIND_OF[data[at]] >= 0)
+
+
+@compiled
+def _write(fields, wanted, clock, tally, out):
+    """Write the wanted fields of a main frame, with its time before them, and count it."""
+    row = tally[ROWS]
+    out[0, row] = clock[TIME] + clock[OFFSET]
+    for k in range(len(wanted)):
+        out[k + 1, row] = fields[wanted[k]]
+    tally[ROWS] += 1
+
+
+@compiled
 def read_frames(data, at, stop, frames, wanted, out):
     """Write the wanted fields of all main frames of one log, and return what is counted of it, as
     `ROWS` and so on.
@@ -329,7 +345,7 @@ def read_frames(data, at, stop, frames, wanted, out):
             if at <= stop and event == END:
                 tally[ENDED] = 1
                 return tally
-            good = at <= stop and (at == stop or KIND_OF[data[at]] >= 0) and not lost
+            good = _is_followed(data, at, stop) and not lost
             if good and event == RESUMED:
                 clock[ITERATION] = first
                 clock[TIME] = second
@@ -337,16 +353,13 @@ def read_frames(data, at, stop, frames, wanted, out):
         elif kind >= 0 and frames.counts[kind]:
             encodings = frames.tables[ENCODING, kind]
             at = read_fields(data, start + 1, stop, encodings, frames.counts[kind], memory[FIELDS])
-            good = at <= stop and (at == stop or KIND_OF[data[at]] >= 0)
+            good = _is_followed(data, at, stop)
             if good and kind == P and not known:
                 tally[LEFT_OUT] += 1
             elif good and kind <= P:
                 good = _follows(frames, kind, memory, clock)
                 if good:
-                    out[0, tally[ROWS]] = clock[TIME] + clock[OFFSET]
-                    for k in range(len(wanted)):
-                        out[k + 1, tally[ROWS]] = memory[FIELDS, wanted[k]]
-                    tally[ROWS] += 1
+                    _write(memory[FIELDS], wanted, clock, tally, out)
                     known = True
                     lost = False
         if not good:

@@ -16,7 +16,7 @@ from np_drake import attitude
 from np_drake.checks import require
 from np_drake.files.file_access import note_input
 from np_drake.flight_log import FlightLog
-from np_drake.logs.columns import COLUMNS, Table, bridge_gaps, check_table, split_at_gaps
+from np_drake.logs.columns import COLUMNS, Table, assemble, bridge_gaps, check_table, split_at_gaps
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import expanded, first_bytes
 from np_drake.logs.formats.text_table import first_lines, read_csv
@@ -83,23 +83,13 @@ def read(path: str | Path) -> list[FlightLog]:
     logs = []
     for number, part in enumerate(parts, start=1):
         part, bridged = bridge_gaps(part, fields)
-        raw = {field: part.array(COLUMNS[field]) for field in fields}
-        q = raw["q"] / np.linalg.norm(raw["q"], axis=1, keepdims=True)
-        log = FlightLog(
-            t=raw["t"][:, 0],
-            p=raw["p"],
-            q=q,
-            v=attitude.rotate(q, raw["v"]),
-            w=raw["w"],
-            u=np.full((len(part), 4), np.nan),
-            a=attitude.rotate(q, raw["a"]) - [0.0, 0.0, GRAVITY],
-            al=raw["al"],
-            rotor=raw["rotor"],
-            bridged=bridged if bridged.any() else None,
-            input="rotor_speed",
-            name=file if len(parts) == 1 else f"{file} part {number}",
-            findings=list(split),
-        )
+        log = assemble(part, fields, file if len(parts) == 1 else f"{file} part {number}")
+        assert log.a is not None  # in every such CSV
+        log.v = attitude.rotate(log.q, log.v)
+        log.a = attitude.rotate(log.q, log.a) - [0.0, 0.0, GRAVITY]
+        log.bridged = bridged if bridged.any() else None
+        log.input = "rotor_speed"
+        log.findings = list(split)
         check_units(log, path)
         logs.append(log)
     return logs
