@@ -11,14 +11,7 @@ from np_drake.logs import columns
 from np_drake.logs.columns import bridge_gaps, check_table, split_at_gaps
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import parquet_file
-from np_drake.logs.formats.format import first_bytes
-from np_drake.logs.formats.text_table import (
-    first_lines,
-    is_comma_separated,
-    read_csv,
-    split_header,
-    write_csv,
-)
+from np_drake.logs.formats.text_table import read_csv, read_layout, write_csv
 from np_drake.logs.import_sheet import read_sheet
 from np_drake.logs.importing.laws import check_units
 from np_drake.logs.importing.signals import DROPOUTS, Signal, without_zeros
@@ -40,10 +33,13 @@ def is_flight_log(path: Path) -> bool:
     if path.name.endswith(".parquet"):
         names = set(parquet_file.column_names(path))
     else:
-        start = first_bytes(path)
-        names = set(split_header(first_lines(start)[0]))
-        if not is_comma_separated(start):
+        try:
+            layout = read_layout(path)
+        except LogError:
             return False
+        if not layout.is_plain:
+            return False
+        names = set(layout.names)
     needed = [name for field in columns.STATE for name in columns.COLUMNS[field]]
     lacking = [field for field in columns.DERIVED if names.isdisjoint(columns.COLUMNS[field])]
     return not lacking and 2 * len(names.intersection(needed)) > len(needed)

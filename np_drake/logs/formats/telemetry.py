@@ -215,11 +215,11 @@ class _Clock:
         again = np.flatnonzero(np.diff(since) < -RESTART) + 1
         self._since = stamps[again]
         self._leads = np.array([np.median(part) for part in np.split(stamps - since, again)])
-        self.breaks = self.of(self._since, np.full(len(again), np.nan))
+        self.breaks = self.of(self._since)
 
-    def of(self, stamps: np.ndarray, since: np.ndarray) -> np.ndarray:
-        """Return times (n,) from those of receipt, and those since a boot, NaN where none is
-        told [s].
+    def of(self, stamps: np.ndarray, since: np.ndarray | float = np.nan) -> np.ndarray:
+        """Return times (n,) from those of receipt, and those since a boot, NaN where there is
+        none [s].
         """
         boot = np.searchsorted(self._since, stamps, side="right")
         lead = self._leads[boot]
@@ -229,9 +229,8 @@ class _Clock:
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     log = _Log(path)
-    stamps, boot = log.rows(
-        max(STATE, key=lambda number: len(log.places.get(number, ()))), ["time_boot_ms"]
-    )
+    state = max(STATE, key=lambda number: len(log.places.get(number, ())))
+    stamps, boot = log.rows(state, ["time_boot_ms"])
     require(len(stamps), f"{path}: must hold whole messages; it has none. Copy it again.", LogError)
     clock = _Clock(stamps, boot[:, 0] * CLOCKS["time_boot_ms"])
     streams = {}
@@ -245,7 +244,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             chosen = rows[:, -1] == float(instance)
             stamps = stamps[chosen]
             rows = rows[chosen]
-        since = rows[:, len(columns)] * CLOCKS[timed[0]] if timed else np.full(len(stamps), np.nan)
+        since = rows[:, len(columns)] * CLOCKS[timed[0]] if timed else np.nan
         streams[name] = Stream(clock.of(stamps, since), dict(zip(columns, rows.T, strict=False)))
         progress(i / len(wanted))
     facts = {"clock": "time since the vehicle's boot [s]"}
@@ -256,7 +255,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         findings.append(Finding(Kind.DETAIL, "", f"{log.lost} bytes are of no message"))
     breaks = tuple(StatedBreak(float(t), "the vehicle boots again") for t in clock.breaks)
     warned = [(stamp, m.text) for stamp, m in log.messages(TEXT) if m.severity <= ulog.WARNS]
-    at = clock.of(np.array([t for t, _ in warned]), np.full(len(warned), np.nan))
+    at = clock.of(np.array([t for t, _ in warned]))
     events = tuple((float(t), repr(text)) for t, (_, text) in zip(at, warned, strict=True))
     stamps, rows = log.rows(VIBRATION, VIBRATIONS)
     clips, shakes = dataflash.shaken(stamps, rows[:, 3:], rows[:, :3], "VIBRATION")

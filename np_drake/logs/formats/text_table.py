@@ -138,6 +138,11 @@ class Layout:
         return [name for cell in self.cells for name in cell.names]
 
     @property
+    def is_plain(self) -> bool:
+        """Whether rows of cells between commas follow the header at once."""
+        return self.delimiter == "," and self.head == 1 and self.encoding != "utf-16"
+
+    @property
     def block(self) -> int:
         """Rows that are held as text at once."""
         return max(1, min(BLOCK_ROWS, BLOCK_CELLS // max(self.width, 1)))
@@ -227,16 +232,6 @@ def first_lines(start: bytes) -> list[str]:
     text = decompressed_start(start)
     lines = text.decode(encoding_of(text), errors="replace").lstrip("\ufeff").splitlines()
     return (lines[1:] if lines and SEPARATOR.fullmatch(lines[0]) else lines) or [""]
-
-
-def is_comma_separated(start: bytes) -> bool:
-    """Return whether a text begins with names between commas, and numbers below them."""
-    text = decompressed_start(start).removeprefix(codecs.BOM_UTF8)
-    if SEPARATOR.match(text[:8].decode("ascii", errors="replace")) or encoding_of(text) == "utf-16":
-        return False
-    header, *rows = first_lines(start)
-    units = len(rows) > 1 and is_units_row(rows[0].split(","), rows[1].split(","))
-    return bool(header) and find_delimiter(header) == "," and not units
 
 
 def find_delimiter(header: str) -> str:
