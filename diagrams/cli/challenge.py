@@ -11,6 +11,7 @@ from typer import Argument, Option
 from diagrams.batch.run import require
 from diagrams.cli.verb import OUT, Report, Run, Verbs, reports, say
 from diagrams.evidence.challenge.answers import case_folders, read_answered_cases, solve
+from diagrams.evidence.challenge.case import SetRequest
 from diagrams.evidence.challenge.make import check_request, make
 from diagrams.evidence.challenge.score import missed, score, tables
 from diagrams.evidence.scoring import calibration_figure
@@ -48,11 +49,10 @@ def _make(
         "seconds": seconds,
         "unseen": unseen,
     }
-    check_request(out, truth, simulator, quality, cases + clean, seconds, run.seed)
+    request = SetRequest(**config, seed=run.seed)
+    check_request(request, out, truth)
     with run.counting("flying", "cases") as on_progress:
-        result = make(
-            out, truth, seed=run.seed, workers=run.workers, on_progress=on_progress, **config
-        )
+        result = make(out, truth, request, workers=run.workers, on_progress=on_progress)
     kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
     return Report(
         [],

@@ -13,7 +13,7 @@ import pandas as pd
 from typer import Option
 
 from diagrams.batch.run import Case, FailedRun, Report, Run, failures, results
-from diagrams.evidence.challenge.flight import fly
+from diagrams.evidence.challenge.flight import Simulation, fly
 from diagrams.evidence.challenge.plans import draw_plans
 from diagrams.evidence.challenge.sensors import (
     REAL,
@@ -211,7 +211,7 @@ def fly_truth(
         quality = draw_sensor_quality(REAL, rng, spin)
         quality = dc.replace(quality, rotor=TACHOMETER * spin, turned=True)
         t = quality.instants(rng, seconds)
-        exact = fly(v, plan, acting, t=t, noise=seen)
+        exact = fly(v, plan, acting, t=t, simulation=Simulation(noise=seen))
         thrust = exact.u @ v.unmixer.T
         limited = (thrust < 0.01 * v.max_rotor_thrust) | (thrust > 0.99 * v.max_rotor_thrust)
         if np.mean(limited) > SATURATED:

@@ -7,7 +7,7 @@ of your own logs, call `answer` alone.
 
 from pathlib import Path
 
-from diagrams.evidence.challenge.make import make
+from diagrams.evidence.challenge.make import SetRequest, make
 from diagrams.gap.drake_replay import DrakeReplay
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis
@@ -24,7 +24,7 @@ def main() -> None:
     """Makes a case, diagnoses it, prints verdict, parameters, gap reduction and what these logs
     cannot tell.
     """
-    make(Path("cases"), Path("truth"), cases=1, clean=0, seconds=10.0, seed=47)
+    make(Path("cases"), Path("truth"), SetRequest(cases=1, clean=0, seconds=10.0, seed=47))
     found = answer(next(Path("cases").iterdir()))
     print(
         "verdict:",

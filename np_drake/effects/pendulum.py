@@ -7,7 +7,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.compiled import compiled
-from np_drake.rigid_body import Q, V, W
+from np_drake.rigid_body import P, Q, V, W
 
 
 @dc.dataclass(frozen=True)
@@ -277,6 +277,19 @@ def hook_velocity(hook, x: np.ndarray) -> np.ndarray:
         x: (..., 13) state.
     """
     return x[..., V] + attitude.rotate(x[..., Q], np.cross(x[..., W], np.asarray(hook, float)))
+
+
+def hanging_still(hook, x: np.ndarray, length: float) -> np.ndarray:
+    """Return position and velocity in W of a payload that hangs still under the moving hook, (6,)
+    [m, m/s].
+
+    Args:
+        hook: (3,) p_BoTo_B [m].
+        x: (13,) state.
+        length: of the tether as it is stretched [m].
+    """
+    p_WP = x[P] + attitude.rotate(x[Q], np.asarray(hook, float)) - [0.0, 0.0, length]
+    return np.concatenate([p_WP, hook_velocity(hook, x)])
 
 
 def hook_acceleration(hook, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.ndarray:

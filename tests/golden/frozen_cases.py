@@ -23,8 +23,8 @@ import pytest
 from joblib import Parallel, delayed
 
 from diagrams.evidence.challenge.answers import diagnose_folder
-from diagrams.evidence.challenge.case import CLEAN, CaseDraw, case_name
-from diagrams.evidence.challenge.make import Making, write_case
+from diagrams.evidence.challenge.case import CLEAN, CaseDraw, SetRequest, case_name
+from diagrams.evidence.challenge.make import make_case, write_case
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.files.file_access import write_text
 from np_drake.logs.formats.neurobem import published_vehicle
@@ -74,7 +74,8 @@ def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
         cases, truth = Path(scratch) / "cases", Path(scratch) / "truth"
         cases.mkdir()
         truth.mkdir()
-        write_case(Making(simulator, quality, SECONDS, SEED)(dc.asdict(draw)), cases, truth)
+        request = SetRequest(simulator, quality, seconds=SECONDS, seed=SEED)
+        write_case(make_case(dc.asdict(draw), request=request), cases, truth)
         return summary(diagnose_folder(cases / case_name(SEED, draw.index), replay=False))
 
 

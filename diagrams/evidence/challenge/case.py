@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from diagrams.evidence.challenge.flight import SIMULATORS
 from diagrams.evidence.challenge.out_of_library import DEVELOPMENT, DRAWS, HOLDOUT
 from diagrams.evidence.challenge.plans import Plan, draw_plans
-from diagrams.evidence.challenge.sensors import CLEAN as IDEAL
-from diagrams.evidence.challenge.sensors import SensorQuality, draw_sensor_quality
+from diagrams.evidence.challenge.sensors import QUALITIES, REAL, SensorQuality, draw_sensor_quality
 from np_drake.effects.base import Effect, drag_coefficients
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.files.yaml_file import number, word
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 # kinds of cases
@@ -62,6 +63,40 @@ def draw_effect(
 
 
 @dc.dataclass(frozen=True)
+class SetRequest:
+    """A challenge set; equal requests give equal sets."""
+
+    simulator: str = word("drake", *SIMULATORS)
+    quality: str = word("clean", *QUALITIES)  # of the sensors: clean (ideal) | real
+    cases: int = number(44, "1", 0)  # with effects
+    clean: int = number(20, "1", 0)  # without
+    seconds: float = number(20.0, "s", 5, 300)  # length of every flight
+    seed: int = 0
+    # all `cases` have an out-of-library effect that is held out from the other sets
+    unseen: bool = False
+
+    def draws(self) -> "list[CaseDraw]":
+        """Draw the cases with an effect and those without, in shuffled order; single effects cycle
+        through the library.
+        """
+        rng = np.random.default_rng([self.seed, 7])
+        shares = {OUT_OF_LIBRARY: 1.0} if self.unseen else SHARES
+        counts = {kind: round(share * self.cases) for kind, share in shares.items()}
+        counts = {"single": self.cases - sum(counts.values()), **counts, CLEAN: self.clean}
+        laws = HOLDOUT if self.unseen else DEVELOPMENT
+        names = {
+            "single": _cycle(rng, [(name,) for name in LIBRARY]),
+            "onset": _cycle(rng, [(name,) for name, effect in LIBRARY.items() if effect.begins]),
+            OUT_OF_LIBRARY: _cycle(rng, [(name,) for name in laws]),
+            "pair": _cycle(rng, [c for c in combinations(LIBRARY, 2) if compatible(c)]),
+            "triple": _cycle(rng, [c for c in combinations(LIBRARY, 3) if compatible(c)]),
+            CLEAN: _cycle(rng, [()]),
+        }
+        drawn = [(kind, next(names[kind])) for kind, n in counts.items() for _ in range(n)]
+        return [CaseDraw(index, *drawn[i]) for index, i in enumerate(rng.permutation(len(drawn)))]
+
+
+@dc.dataclass(frozen=True)
 class CaseDraw:
     """The settings of a case before anything is drawn.
 
@@ -88,60 +123,56 @@ class Case:
     """
 
     draw: CaseDraw
-    seed: int
-    seconds: float
+    request: SetRequest
     vehicle: Vehicle
     quality: SensorQuality
     plans: dict[str, Plan]
     effects: tuple[Effect, ...]
     onset: dict[str, float | None]
 
+    def stream(self, which: int, flight: int) -> np.random.Generator:
+        """Return the random numbers of one purpose, a stream of this module, in one flight."""
+        return self.draw.stream(self.request.seed, which, flight)
+
     def instants(self, file: str) -> np.ndarray:
         """Return the times (n,) of the rows of a flight, before any is dropped [s]."""
-        rng = self.draw.stream(self.seed, _SENSORS, FILES.index(file) + 1)
-        return self.quality.instants(rng, self.seconds)
+        return self.quality.instants(
+            self.stream(_SENSORS, FILES.index(file) + 1), self.request.seconds
+        )
 
     def effects_of(self, file: str) -> list[Effect]:
         """Return the effects as they act in one flight: what is random (a gust) differs from flight
         to flight.
         """
-        seed = int(self.draw.stream(self.seed, _EFFECT, FILES.index(file) + 1).integers(2**31))
+        seed = int(self.stream(_EFFECT, FILES.index(file) + 1).integers(2**31))
         return [dc.replace(e, seed=seed) if hasattr(e, "seed") else e for e in self.effects]  # type: ignore
 
 
-def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Case:
-    """Return the case that `draw` names, of flights of that length [s]; equal arguments give equal
-    cases.
-    """
-    vehicle = VEHICLES[draw.stream(seed, _VEHICLE).integers(len(VEHICLES))]
-    noise = MeasurementNoise() if quality == IDEAL else MeasurementNoise(attitude=0.005)
+def draw_case(draw: CaseDraw, request: SetRequest) -> Case:
+    """Return the case of a set that `draw` names; equal arguments give equal cases."""
+    streams = [draw.stream(request.seed, which) for which in range(NOISE)]
+    vehicle = VEHICLES[streams[_VEHICLE].integers(len(VEHICLES))]
+    noise = MeasurementNoise(attitude=0.005 if request.quality == REAL else 0.0)
     vehicle = dc.replace(vehicle, measurement_noise=noise, command_timing="held").check()
     spin = math.sqrt(vehicle.mass * vehicle.gravity / 4 / vehicle.thrust_coefficient)
-    rng = draw.stream(seed, _EFFECT)
     effects: dict[str, Effect] = {}
     for name in draw.names:  # each once: a wind's drag may be there already
-        for effect in draw_effect(name, rng, vehicle, seconds):
+        for effect in draw_effect(name, streams[_EFFECT], vehicle, request.seconds):
             effects.setdefault(effect.identifier, effect)
-    rng = draw.stream(seed, _ONSET)
     onset: dict[str, float | None] = dict.fromkeys(FILES)
     if draw.kind == "onset":
-        times = np.round(rng.uniform(0.25, 0.75, 3) * seconds, 2).tolist()
+        rng = streams[_ONSET]
+        times = np.round(rng.uniform(0.25, 0.75, 3) * request.seconds, 2).tolist()
         # In mid-flight in the first; in mid-flight or from the start in the others.
         begins = (True, rng.random() < 0.5, rng.random() < 0.3)
         onset = {f: t if b else None for f, t, b in zip(FILES, times, begins, strict=True)}
+    plans = draw_plans(streams[_PLANS], vehicle, request.seconds, len(FILES))
     return Case(
         draw=draw,
-        seed=seed,
-        seconds=seconds,
+        request=request,
         vehicle=vehicle,
-        quality=draw_sensor_quality(quality, draw.stream(seed, _SENSORS), spin),
-        plans=dict(
-            zip(
-                FILES,
-                draw_plans(draw.stream(seed, _PLANS), vehicle, seconds, len(FILES)),
-                strict=True,
-            )
-        ),
+        quality=draw_sensor_quality(request.quality, streams[_SENSORS], spin),
+        plans=dict(zip(FILES, plans, strict=True)),
         effects=tuple(effects.values()),
         onset=onset,
     )
@@ -157,29 +188,6 @@ def compatible(names: tuple[str, ...]) -> bool:
     if any(len(group & set(names)) > 1 for group in EQUIVALENT):
         return False
     return len({LIBRARY[name].place for name in names}) == len(names)
-
-
-def compose(cases: int, clean: int, seed: int, *, unseen: bool = False) -> list[CaseDraw]:
-    """Draw `cases` with an effect and `clean` without, in shuffled order; single effects cycle
-    through the library.
-
-    unseen: whether all have an out-of-library effect that is held out from the other sets.
-    """
-    rng = np.random.default_rng([seed, 7])
-    counts = {k: round(s * cases) for k, s in ({OUT_OF_LIBRARY: 1.0} if unseen else SHARES).items()}
-    kinds = ["single"] * (cases - sum(counts.values()))
-    kinds += [kind for kind, count in counts.items() for _ in range(count)] + [CLEAN] * clean
-    strange = HOLDOUT if unseen else DEVELOPMENT
-    names = {
-        "single": _cycle(rng, [(name,) for name in LIBRARY]),
-        "onset": _cycle(rng, [(name,) for name, effect in LIBRARY.items() if effect.begins]),
-        OUT_OF_LIBRARY: _cycle(rng, [(name,) for name in strange]),
-        "pair": _cycle(rng, [c for c in combinations(LIBRARY, 2) if compatible(c)]),
-        "triple": _cycle(rng, [c for c in combinations(LIBRARY, 3) if compatible(c)]),
-        CLEAN: _cycle(rng, [()]),
-    }
-    drawn = [(kind, next(names[kind])) for kind in kinds]
-    return [CaseDraw(index, *drawn[i]) for index, i in enumerate(rng.permutation(len(drawn)))]
 
 
 def _cycle(rng: np.random.Generator, items: list):

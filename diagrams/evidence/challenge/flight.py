@@ -5,9 +5,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.math import SpatialVelocity
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
 from diagrams.batch.run import FailedRun, require
@@ -16,6 +13,7 @@ from np_drake import attitude
 from np_drake.control.cascade import CascadeGains, cascade
 from np_drake.effects.base import Effect, Measurement, SensorEffect
 from np_drake.effects.combine import EffectsByPlace, split_effects
+from np_drake.effects.pendulum import hanging_still
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import shift_state
@@ -61,7 +59,6 @@ class DrakeWorld:
             ),
             mass_effects=places.mass,
         )
-        self._plant = self._real.GetSubsystemByName("plant")
         self._simulator = Simulator(self._real)
         config = SimulatorConfig(
             integration_scheme="runge_kutta3",
@@ -70,11 +67,9 @@ class DrakeWorld:
         )
         ApplySimulatorConfig(config, self._simulator)
         self._root = self._simulator.get_mutable_context()
+        self._plant = self._real.GetSubsystemByName("plant")
+        self._context = self._plant.GetMyMutableContextFromRoot(self._root)
         self.command(vehicle.hover_input)
-        self._own = self._plant.GetMyMutableContextFromRoot(self._root)
-        instance = self._plant.GetBodyByName("quadrotor").model_instance()
-        acceleration = self._plant.get_generalized_acceleration_output_port(instance)
-        self._ports = (self._plant.get_state_output_port(), acceleration)
 
     def start(self, t: float, x: np.ndarray, before: "DrakeWorld | None" = None) -> None:
         """Put the vehicle into a state (13,) at t [s]; a payload hangs still under the moving hook.
@@ -82,27 +77,22 @@ class DrakeWorld:
         Rotors and acting command carry on from the world before.
         """
         self._root.SetTime(t)
-        q = x[3:7]
-        v = x[7:10]
-        w_W = attitude.rotate(x[3:7], x[10:13])
-        R_WB = RotationMatrix(Quaternion(q / np.linalg.norm(q)))
-        placed = {"quadrotor": (RigidTransform(R_WB, x[0:3]), SpatialVelocity(w_W, v))}
-        if self._payload.tether == "cable":
-            hook_W = attitude.rotate(q, np.array(self._payload.hook))
-            stretch = self._payload.mass * self._vehicle.gravity / self._payload.stiffness
-            p_WP = x[0:3] + hook_W - [0.0, 0.0, self._payload.length + stretch]
-            v_WP = v + np.cross(w_W, hook_W)
-            placed["payload"] = RigidTransform(p_WP), SpatialVelocity(np.zeros(3), v_WP)
-        for name, (X_WB, V_WB) in placed.items():
-            body = self._plant.GetBodyByName(name)
-            self._plant.SetFreeBodyPose(self._own, body, X_WB)
-            self._plant.SetFreeBodySpatialVelocity(context=self._own, body=body, V_JpJc=V_WB)
+        p_WB, q, v = np.split(x[:10], [3, 7])
+        pose = [*q / np.linalg.norm(q), *p_WB]
+        velocity = [*attitude.rotate(q, x[10:13]), *v]
+        payload = self._payload
+        if payload.tether == "cable":
+            stretch = payload.mass * self._vehicle.gravity / payload.stiffness
+            below = hanging_still(payload.hook, x, payload.length + stretch)
+            pose += [1.0, 0.0, 0.0, 0.0, *below[:3]]
+            velocity += [0.0, 0.0, 0.0, *below[3:]]
+        self._plant.SetPositionsAndVelocities(self._context, [*pose, *velocity])
         if before is not None:
             self.command(before._acting)
             if self._real.HasSubsystemNamed("actuators"):
                 actuators = self._real.GetSubsystemByName("actuators")
-                own = actuators.GetMyMutableContextFromRoot(self._root)
-                actuators.rest_at(own, before._eval("nominal_rotor_thrust"))
+                context = actuators.GetMyMutableContextFromRoot(self._root)
+                actuators.rest_at(context, before._eval("nominal_rotor_thrust"))
 
     def _eval(self, port: str) -> np.ndarray:
         return self._real.GetOutputPort(port).Eval(self._root)
@@ -118,12 +108,12 @@ class DrakeWorld:
 
     def reading(self) -> np.ndarray:
         """Return (19,) state of Bo, its acceleration in W and dw/dt in B."""
-        state, rates = (port.Eval(self._own)[None] for port in self._ports)
-        velocities = state[:, self._plant.num_positions() :]
-        q = state[:, 0:4] / np.linalg.norm(state[:, 0:4], axis=1, keepdims=True)
-        w, al = (attitude.rotate_back(q, turn[:, 0:3]) for turn in (velocities, rates))
-        parts = [state[:, 4:7], q, velocities[:, 3:6], w, rates[:, 3:6], al]
-        return np.concatenate(parts, axis=1)[0]
+        state = self._eval("plant_state")
+        velocity = state[self._plant.num_positions() :]
+        rate = self._plant.get_generalized_acceleration_output_port().Eval(self._context)
+        q = state[:4] / np.linalg.norm(state[:4])
+        w, al = (attitude.rotate_back(q, turn[:3]) for turn in (velocity, rate))
+        return np.concatenate([state[4:7], q, velocity[3:6], w, rate[3:6], al])
 
     def command(self, u: np.ndarray) -> None:
         """Let a command (4,) act from now on [N, N·m]."""
@@ -159,6 +149,32 @@ def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadCon
     return dc.replace(payload, stiffness=stiffness, damping=damping)
 
 
+@dc.dataclass(frozen=True)
+class Simulation:
+    """How a plan is flown.
+
+    warm_up: hovering before the first row [s].
+    noise: (13,) standard deviations of white noise in the state that the controller sees.
+    """
+
+    simulator: str = "drake"
+    warm_up: float = WARM_UP
+    noise: np.ndarray | float = 0.0
+
+    @property
+    def interpolates(self) -> bool:
+        """Whether rows of another clock are interpolated; rotorpy reads at its instants."""
+        return self.simulator == "drake"
+
+    def world(self, vehicle: Vehicle, effects: Sequence[Effect]) -> Any:
+        """Return the plant: `DrakeWorld`, or one with its methods."""
+        if self.simulator == "drake":
+            return DrakeWorld(vehicle, effects)
+        from diagrams.evidence.challenge.rotorpy_vehicle import RotorPyWorld
+
+        return RotorPyWorld(vehicle, effects)
+
+
 def fly(
     vehicle: Vehicle,
     plan: Plan,
@@ -167,9 +183,7 @@ def fly(
     t: np.ndarray,
     onset: float | None = None,
     background: Sequence[Effect] = (),
-    warm_up: float = WARM_UP,
-    noise: np.ndarray | None = None,
-    simulator: str = "drake",
+    simulation: Simulation = Simulation(),
 ) -> FlightLog:
     """Return the exact log of Bo: no noise; systematic sensor effects and the right-sided
     accelerations are in it.
@@ -180,44 +194,29 @@ def fly(
             throughout; None: from the start.
         background: effects that act throughout and are no cause (a vehicle file that is a percent
             off).
-        warm_up: hovering before the first row [s].
-        noise: (13,) standard deviations of white noise in the state that the controller sees; None:
-            it sees the state.
     Raises: FailedRun: if the vehicle is lost; ValueError: on what is no effect, or two payloads.
     """
     sensors = [effect for effect in effects if isinstance(effect, SensorEffect)]
-    # rotorpy reads at the instants of the other clock; Drake's rows are interpolated there.
     offset = sum(sensor.clock_shift for sensor in sensors)
-    interpolates = simulator == "drake"
     step = float(np.median(np.diff(t)))
-    margin = MARGIN if interpolates else max(offset, 0.0)
-    before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
+    margin = MARGIN if simulation.interpolates else max(offset, 0.0)
+    before = t[0] - step * np.arange(round(simulation.warm_up / step), 0, -1)
     after = t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))
     rows = np.concatenate([before, t, after])
     split = 0 if onset is None else int(np.searchsorted(rows, onset - 1e-9))
-    make: type = DrakeWorld
-    if simulator == "rotorpy":
-        from diagrams.evidence.challenge.rotorpy_vehicle import RotorPyWorld
-
-        make = RotorPyWorld
-    worlds: dict[int, Any] = {split: make(vehicle, [*background, *effects])}
+    worlds = {split: simulation.world(vehicle, [*background, *effects])}
     if split:
-        worlds[0] = make(vehicle, background)
-    commands, states = _fly_rows(
-        vehicle, worlds, plan, rows, rows[:-1] if interpolates else t + offset, noise
-    )
-    read_at = rows[:-1]
-    if not interpolates:
-        first = int(np.searchsorted(rows, t[0] - 1e-9))
-        read_at = t
-        commands = commands[first : first + len(t)]
-    reading = Measurement(states[:, :13], states[:, 13:16], states[:, 16:], commands[:, 4:])
+        worlds[0] = simulation.world(vehicle, background)
+    reads = rows[:-1] if simulation.interpolates else rows[:-1] + offset
+    commands, states = _fly_rows(vehicle, worlds, plan, rows, reads, simulation.noise)
+    n = len(states)
+    reading = Measurement(states[:, :13], states[:, 13:16], states[:, 16:], commands[:n, 4:])
     # Every error acts on the true attitude, so that of the attitude comes last.
     for sensor in sorted(sensors, key=lambda sensor: "qw" in sensor.corrupts):
-        reading = sensor.measure(vehicle, reading, np.zeros((len(read_at), sensor.white_size)))
+        reading = sensor.measure(vehicle, reading, np.zeros((n, sensor.white_size)))
     p, q, v, w = np.split(reading.x, [3, 7, 10], axis=1)
-    log = FlightLog(read_at, p, q, v, w, commands[:, :4], reading.a, reading.al, reading.rotor)
-    if interpolates and offset:
+    log = FlightLog(rows[:n], p, q, v, w, commands[:n, :4], reading.a, reading.al, reading.rotor)
+    if simulation.interpolates and offset:
         log = shift_state(log, offset)
     first = int(np.searchsorted(log.t, t[0] - 1e-9))
     return log.rows(first, first + len(t))
@@ -229,19 +228,18 @@ class _Flight:
     """
 
     def __init__(self, world: Any, t: float, x: np.ndarray):
-        # t: now [s]
         self.world = world
-        self.t = t
+        self._now = t  # [s]
         self._under_way: list[tuple[float, np.ndarray]] = []  # commands, and when they arrive [s]
         world.start(t, x)
 
     def change(self, world: Any) -> None:
-        world.start(self.t, self.world.state(), self.world)
+        world.start(self._now, self.world.state(), self.world)
         self.world = world
 
     def give(self, u: np.ndarray) -> None:
-        self._under_way.append((self.t + self.world.dead_time, u))
-        self.advance(self.t)
+        self._under_way.append((self._now + self.world.dead_time, u))
+        self.advance(self._now)
 
     def advance(self, t: float) -> None:
         while self._under_way and self._under_way[0][0] <= t + 1e-9:
@@ -251,9 +249,9 @@ class _Flight:
         self._integrate(t)
 
     def _integrate(self, t: float) -> None:
-        if t > self.t + 1e-12:
+        if t > self._now + 1e-12:
             self.world.integrate(t)
-            self.t = t
+            self._now = t
 
 
 def _fly_rows(
@@ -262,17 +260,15 @@ def _fly_rows(
     plan: Plan,
     rows: np.ndarray,
     reads: np.ndarray,
-    noise: np.ndarray | None,
+    noise: np.ndarray | float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (m - 1, 8) command and rotor speed at all rows but the last, (n, 19) states at
-    `reads`; `worlds` are by the row from which they fly.
+    """Return (m - 1, 8) command and rotor speed at all rows but the last, (n, 19) states at those
+    of `reads` that the flight reaches; `worlds` are by the row from which they fly.
     """
     gains = CascadeGains()
     integral = np.zeros(6)
     flight = _Flight(worlds[0], rows[0], plan.start(vehicle.gravity))
-    errors = np.zeros((len(rows) - 1, 13))
-    if noise is not None:
-        errors = np.random.default_rng(0).normal(size=errors.shape) * noise
+    errors = np.random.default_rng(0).normal(size=(len(rows) - 1, 13)) * noise
     steps = np.diff(rows, prepend=rows[0])
     commands: list[np.ndarray] = []
     readings: list[np.ndarray] = []

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from diagrams.evidence.challenge.plans import level_direction
 from np_drake.effects.base import (
     ActuatorEffect,
     Effect,
@@ -247,10 +248,10 @@ def losing_sync(vehicle, command, state, rotor, loss, jump, time):
     time d' = g - d, time l' = c - l; g rises from 0 to 1 as (c - l) / h does from `jump` to twice
     that, h the thrust in hover; state (..., 2) [l in N, d].
     """
-    own = command[..., rotor]
-    at_rest = np.stack([own, np.zeros_like(own)], axis=-1)
+    asked = command[..., rotor]
+    at_rest = np.stack([asked, np.zeros_like(asked)], axis=-1)
     s = at_rest if state is None else state
-    ahead = own - s[..., 0]
+    ahead = asked - s[..., 0]
     out_of_step = np.clip(ahead / (_weight(vehicle) / 4) / jump - 1.0, 0.0, 1.0)
     rate = np.stack([ahead, out_of_step - s[..., 1]], axis=-1) / time
     return at_rest, rate, command * (1.0 - loss * s[..., 1:] * (np.arange(4) == rotor))
@@ -279,12 +280,6 @@ def liquid_slosh(vehicle, command, state, frequency, damping, gain):
     s, moving = np.split(at_rest if state is None else state, 2, axis=-1)
     rate = np.concatenate([moving, w**2 * (tau - s) - 2 * damping * w * moving], axis=-1)
     return at_rest, rate, command - gain * (s @ vehicle.unmixer[:, 1:3].T)
-
-
-def _level(rng: np.random.Generator) -> tuple[float, float, float]:
-    """Draw a level unit vector."""
-    course = rng.uniform(-np.pi, np.pi)
-    return float(np.cos(course)), float(np.sin(course)), 0.0
 
 
 # How each is drawn; the order of its numbers is that of the draw.
@@ -364,7 +359,7 @@ DRAWS: dict[str, Callable[[np.random.Generator, Vehicle], Effect]] = {
     ),
     "wall_suction": lambda rng, v: OutOfLibraryWrench(
         wall_suction,
-        normal=_level(rng),
+        normal=level_direction(rng),
         strength=log_uniform(rng, 0.04, 0.25),
         reach=rng.uniform(0.3, 1.0),
         from_origin=rng.uniform(0.8, 2.5),
@@ -384,7 +379,7 @@ DRAWS: dict[str, Callable[[np.random.Generator, Vehicle], Effect]] = {
     "doorway_draft": lambda rng, v: OutOfLibraryWrench(
         doorway_draft,
         force=tuple(log_uniform(rng, 0.03, 0.2) * _weight(v) * direction(rng, 0.2)),
-        normal=_level(rng),
+        normal=level_direction(rng),
         from_origin=rng.uniform(-0.7, 0.7),
         edge=rng.uniform(0.05, 0.3),
     ),

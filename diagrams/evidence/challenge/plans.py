@@ -160,19 +160,21 @@ def _waypoints(rng: np.random.Generator, seconds: float) -> Reference:
     return Spline(rng.uniform([-size, -size, 1.0], [size, size, 3.0], (len(times), 3)), times)
 
 
-def _sprints(rng: np.random.Generator, seconds: float) -> Reference:
+def level_direction(rng: np.random.Generator) -> tuple[float, float, float]:
+    """Draw a level unit vector."""
     course = rng.uniform(-np.pi, np.pi)
-    reach = rng.uniform(1.5, 4.0)
-    way = reach * np.array([np.cos(course), np.sin(course), 0.0])
+    return float(np.cos(course)), float(np.sin(course)), 0.0
+
+
+def _sprints(rng: np.random.Generator, seconds: float) -> Reference:
+    way = np.array(level_direction(rng)) * rng.uniform(1.5, 4.0)
     height = [0, 0, rng.uniform(1.0, 2.5)]
     return _stops(rng, [height, height + way, height - way], seconds, (1.5, 3.0))
 
 
 def _low_pass(rng: np.random.Generator, seconds: float) -> Reference:
-    course = rng.uniform(-np.pi, np.pi)
-    reach = rng.uniform(1.0, 3.0)
+    way = np.array(level_direction(rng)) * rng.uniform(1.0, 3.0)
     low = rng.uniform(0.2, 0.5, 6)
-    way = reach * np.array([np.cos(course), np.sin(course), 0.0])
     high = rng.uniform(1.0, 1.8)
     sides = (1, 1, -1, -1, 1, 1, -1, 1)
     heights = (high, low[0], low[1], low[2], low[3], high, low[4], low[5])

@@ -17,8 +17,8 @@ from np_drake.effects.base import Effect, Motion, WrenchEffect
 from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.pendulum import hanging_still
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
 
 # rotorpy's own state: of Bcm, quaternion x, y, z, w; hidden states of effects and the payload's
@@ -76,7 +76,7 @@ class Gusts:
     def __init__(self, wind: GustyWind):
         t = np.arange(FIRST, LAST, BLOWN)
         rng = np.random.default_rng([wind.seed, 2])
-        gusts = gauss_markov(rng, t, 3, rms=wind.deviation, tau=wind.correlation_time)
+        gusts = gauss_markov(rng, t, rms=wind.deviation, tau=wind.correlation_time)
         self._path = gusts + [wind.mean_x, wind.mean_y, wind.mean_z]
 
     def __call__(self, t: float) -> np.ndarray:
@@ -99,34 +99,35 @@ class Tether:
         self._payload = payload
         self.hook = np.array([payload.hook_x, payload.hook_y, payload.hook_z])
 
-    def hang(self, now: Motion) -> np.ndarray:
-        """Return the payload's state straight below the hook, and moving with it."""
-        below = now.x[:3] + now.R_WB @ self.hook - [0.0, 0.0, self._payload.length]
-        return np.concatenate([below, now.x[7:10] + now.R_WB @ cross(now.x[10:], self.hook)])
+    def hang(self, x: np.ndarray) -> np.ndarray:
+        """Return the payload's state straight below the hook of a vehicle with state (13,), and
+        moving with it.
+        """
+        return hanging_still(self.hook, x, self._payload.length)
 
     def pull(
-        self, now: Motion, own: np.ndarray, motion: np.ndarray, inertial: tuple, gravity: float
+        self, now: Motion, load: np.ndarray, motion: np.ndarray, inertial: tuple, gravity: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the tether's part (6,) of the vehicle's accelerations, and the rate (6,) of the
         payload's state.
 
         Args:
+            load: (6,) state of the payload.
             motion: (6,) [dv/dt of Bcm in W, dw/dt in B] without the tether [m/s², rad/s²].
             inertial: mass [kg], inverse inertia (3, 3), p_BoBcm_B (3,) of the vehicle.
         """
         mass, J_inverse, center = inertial
-        load = self._payload.mass
         length = self._payload.length
         w = now.x[10:]
         arm = self.hook - center
         x, y, z = w.tolist()
-        way = own[:3] - now.x[:3] - now.R_WB @ self.hook
+        way = load[:3] - now.x[:3] - now.R_WB @ self.hook
         span = math.sqrt(float(way @ way))
-        fall = np.array([0.0, 0.0, -gravity]) - self._payload.damping * own[3:]
+        fall = np.array([0.0, 0.0, -gravity]) - self._payload.damping * load[3:]
         if span < (1 - BAND) * length:
-            return np.zeros(6), np.concatenate([own[3:], fall])
+            return np.zeros(6), np.concatenate([load[3:], fall])
         n = way / span
-        rate = own[3:] - now.x[7:10] - now.R_WB @ cross(w, self.hook)
+        rate = load[3:] - now.x[7:10] - now.R_WB @ cross(w, self.hook)
         n_B = n @ now.R_WB
         lever = cross(arm, n_B)
         along = float(n @ rate)
@@ -136,9 +137,9 @@ class Tether:
         wanted = float(n @ fall) - hook + (float(rate @ rate) - along * along) / span
         wanted += 2 * RATE * along + RATE**2 * (span - length)
         turn = J_inverse @ lever
-        tension = max(wanted / (1 / load + 1 / mass + float(lever @ turn)), 0.0)
+        tension = max(wanted / (1 / self._payload.mass + 1 / mass + float(lever @ turn)), 0.0)
         pulled = tension * np.concatenate([n / mass, turn])
-        return pulled, np.concatenate([own[3:], fall - tension / load * n])
+        return pulled, np.concatenate([load[3:], fall - tension / self._payload.mass * n])
 
 
 class RotorPyWorld(Multirotor):
@@ -146,8 +147,8 @@ class RotorPyWorld(Multirotor):
     state; other effects join its body wrench. Classical Runge-Kutta of fourth order integrates it.
 
     rotorpy's own parameters are mass, inertia, place of the rotors from the centre of mass, thrust
-    and torque coefficient (`thrust_scale`), motor time constant (infinite: none, and the command is
-    the speed) and gravity. Its ground plane and its own aerodynamics are off. Other effects act by
+    and torque coefficient, motor time constant (infinite: none, and the command is the speed) and
+    gravity. Its ground plane and its own aerodynamics are off. Other effects act by
     the functions of the effect itself, all on the same thrusts; one with a hidden state adds to
     them.
     """
@@ -156,10 +157,8 @@ class RotorPyWorld(Multirotor):
         """Build the vehicle. Raises ValueError: on two payloads, or what is no effect."""
         places = split_effects(effects)
         body = mass_properties(vehicle, places.mass)
-        scales = [effect.scale for effect in places.actuator if isinstance(effect, ThrustScale)]
         lags = [effect.time_constant for effect in places.actuator if isinstance(effect, MotorLag)]
         lag = (lags or [vehicle.rotor_time_constant])[-1]
-        scale = float(np.prod(scales))
         rotors = np.array(vehicle.rotor_positions) - body.p_BoBcm_B
         fastest = np.sqrt(vehicle.max_rotor_thrust / vehicle.thrust_coefficient)
         given = {
@@ -170,8 +169,8 @@ class RotorPyWorld(Multirotor):
             "rotor_directions": np.array(vehicle.rotor_directions),
             "rotor_speed_min": 0.0,
             "rotor_speed_max": float(fastest),
-            "k_eta": scale * vehicle.thrust_coefficient,
-            "k_m": scale * vehicle.torque_coefficient,
+            "k_eta": vehicle.thrust_coefficient,
+            "k_m": vehicle.torque_coefficient,
             "tau_m": lag if lag > 0 else np.inf,
         }
         super().__init__(given, aero=False, enable_ground=False)
@@ -186,11 +185,7 @@ class RotorPyWorld(Multirotor):
             if type(e).air_velocity is not WrenchEffect.air_velocity
         ]
         self._pushes = [e for e in places.wrench if e.pushes or e.turns]
-        others = [
-            e
-            for e in places.actuator
-            if not (isinstance(e, (MotorLag, ThrustScale)) or e.dead_time)
-        ]
+        others = [e for e in places.actuator if not (isinstance(e, MotorLag) or e.dead_time)]
         self._gains = [effect for effect in others if not effect.state_size]
         self._hidden = [effect for effect in others if effect.state_size]
         self._tether = None if places.payload is None else Tether(places.payload)
@@ -213,9 +208,9 @@ class RotorPyWorld(Multirotor):
             self._command = before._command
             speed = before.speed()
         s = to_rotorpy(x, self._center, speed)
-        now = self._motion(t, s, speed)
-        parts = [effect.state_at(self._vehicle, now.rotor_thrust) for effect in self._hidden]
-        parts += [self._tether.hang(now)] if self._tether else []
+        thrust = self._motion(t, s, speed).rotor_thrust
+        parts = [effect.state_at(self._vehicle, thrust) for effect in self._hidden]
+        parts += [self._tether.hang(x)] if self._tether else []
         self._t = t
         self._s = np.concatenate([s, *parts])
 
@@ -262,25 +257,24 @@ class RotorPyWorld(Multirotor):
         """Return the derivative of a state under the acting command; writes the wind into `s`."""
         s[WIND] = sum(wind(t) for wind in self._winds) if self._winds else 0.0
         self._now = self._motion(t, s, s[SPEED])
-        own = s[SIZE:]
-        hidden = []
+        remaining = s[SIZE:]
+        rates = []
         thrust = self._now.rotor_thrust
         self._added = np.zeros(4)  # thrust and torque of effects with a hidden state [N, N·m]
         for effect in self._hidden:
-            mine = own[: effect.state_size]
-            own = own[effect.state_size :]
-            given = effect.thrust(self._vehicle, mine, thrust, t)
+            hidden, remaining = np.split(remaining, [effect.state_size])
+            given = effect.thrust(self._vehicle, hidden, thrust, t)
             self._added += self._vehicle.mixer @ (given - thrust)
-            hidden.append(effect.state_rate(self._vehicle, mine, thrust))
+            rates.append(effect.state_rate(self._vehicle, hidden, thrust))
         out = self._s_dot_fn(t, s[:SIZE], self._command)
         if self._tether is not None:
             motion = np.concatenate([out[V], out[W]])
             inertial = (self.mass, self.inv_inertia, self._center)
-            pulled, rate = self._tether.pull(self._now, own, motion, inertial, self.g)
+            pulled, rate = self._tether.pull(self._now, remaining, motion, inertial, self.g)
             out[V] += pulled[:3]
             out[W] += pulled[3:]
-            hidden.append(rate)
-        return np.concatenate([out, *hidden])
+            rates.append(rate)
+        return np.concatenate([out, *rates])
 
     def compute_body_wrench(
         self, body_rates: np.ndarray, rotor_speeds: np.ndarray, body_airspeed_vector: np.ndarray

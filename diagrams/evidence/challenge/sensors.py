@@ -96,26 +96,24 @@ def kept_rows(rng: np.random.Generator, quality: SensorQuality, n: int) -> np.nd
     return np.setdiff1d(np.arange(n), sorted(dropped))
 
 
-def gauss_markov(
-    rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float, tau: float
-) -> np.ndarray:
-    """Draw a first-order process (n, channels) at times t (n,) with correlation time `tau` [s],
+def gauss_markov(rng: np.random.Generator, t: np.ndarray, *, rms: float, tau: float) -> np.ndarray:
+    """Draw a first-order process (n, 3) at times t (n,) with correlation time `tau` [s],
     which starts in its stationary distribution; the median step stands for all.
     """
     # Exact discretisation of dx = -x / tau dt + noise: an AR(1) process with decay exp(-step /
     # tau).
     decay = np.exp(-float(np.median(np.diff(t))) / tau)
-    white = rng.normal(size=(len(t), channels))
+    white = rng.normal(size=(len(t), 3))
     white[1:] *= np.sqrt(1 - decay**2)
     return rms * scipy.signal.lfilter([1.0], [1.0, -decay], white, axis=0)
 
 
-def flicker(rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float) -> np.ndarray:
-    """Draw noise (n, channels) of about 1/f from 0.02 to 10 Hz: Gauss-Markov processes of equal
+def flicker(rng: np.random.Generator, t: np.ndarray, *, rms: float) -> np.ndarray:
+    """Draw noise (n, 3) of about 1/f from 0.02 to 10 Hz: Gauss-Markov processes of equal
     power a decade.
     """
     taus = (0.016, 0.16, 1.6, 8.0)  # [s]
-    parts = [gauss_markov(rng, t, channels, rms=rms / np.sqrt(len(taus)), tau=tau) for tau in taus]
+    parts = [gauss_markov(rng, t, rms=rms / np.sqrt(len(taus)), tau=tau) for tau in taus]
     return np.sum(parts, axis=0)
 
 
@@ -134,16 +132,12 @@ def with_sensor_noise(
     parts = rng.spawn(7)
     draw = [part.normal(size=(n, 3)) for part in parts[:6]]
     turn = quality.attitude * draw[0]
+    turn += gauss_markov(parts[0], log.t, rms=quality.wander, tau=quality.wander_time)
     v = white.velocity * draw[1]
-    w = white.rate * draw[2]
+    v += gauss_markov(parts[1], log.t, rms=quality.velocity_wander, tau=quality.velocity_time)
+    w = white.rate * draw[2] + flicker(parts[2], log.t, rms=quality.rate_flicker)
     n_B = white.acceleration * draw[3]
-    if quality.real:
-        turn += gauss_markov(parts[0], log.t, 3, rms=quality.wander, tau=quality.wander_time)
-        v += gauss_markov(
-            parts[1], log.t, 3, rms=quality.velocity_wander, tau=quality.velocity_time
-        )
-        w += flicker(parts[2], log.t, 3, rms=quality.rate_flicker)
-        n_B += flicker(parts[3], log.t, 3, rms=quality.acceleration_flicker)
+    n_B += flicker(parts[3], log.t, rms=quality.acceleration_flicker)
     small = np.concatenate([np.ones((n, 1)), 0.5 * turn], axis=1)  # rotation, to first order
     q = attitude.multiply(log.q, small)
     q = q / np.linalg.norm(q, axis=1, keepdims=True)

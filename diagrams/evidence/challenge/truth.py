@@ -9,8 +9,8 @@ import numpy as np
 from diagrams.evidence.challenge.case import FILES, OUT_OF_LIBRARY, Case
 from np_drake.diagnosis.calibration import file_errors, flight_errors
 from np_drake.diagnosis.forward_model import NEVER, Stages, Term, predicted_residual
-from np_drake.diagnosis.numerics import NoiseModel, fit_noise
-from np_drake.diagnosis.options import Priors, Tolerance
+from np_drake.diagnosis.numerics import fit_noise
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import (
     Candidate,
     Onset,
@@ -19,7 +19,7 @@ from np_drake.diagnosis.regressors import (
     tolerance_of,
     wind_candidates,
 )
-from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.diagnosis.selection.payload_search import payload_about, payload_of
 from np_drake.effects.base import Effect
 from np_drake.effects.clock_offset import ClockOffset
@@ -36,26 +36,44 @@ CHANNELS = tuple(
 # Squared whitened distance below which noise hides the difference; own choice: about four sigma.
 DISTANCE = 14.0
 TETHERS = np.geomspace(0.2, 2.0, 12)  # lengths of payloads that are compared [m]
-Trace = Mapping[str, np.ndarray]  # by flight, (m, 15) residual in the channels of `FlightResiduals`
+# By flight, (m, 15) residual in the channels of `FlightResiduals`, or (m, 15, k) columns.
+Trace = Mapping[str, np.ndarray]
+
+
+class FlightPair:
+    """The residuals of one flight as measured, and without noise on the same grid.
+
+    errors: (m, 15) what noise leaves to the true model; noise: its RMS (15,). background: (m, 15)
+    what the errors of the vehicle file leave, in the channels that the log tells.
+    """
+
+    def __init__(self, case: Case, file: str, exact: FlightLog, noisy: FlightLog):
+        """Take both logs of a flight, with the same rows, from where the measured one counts."""
+        measured, true = (dc.replace(log, name=file) for log in (noisy, exact))
+        self.measured = make_flight_residuals(measured, case.vehicle)
+        since = float(self.measured.t[0])
+        self.true = make_flight_residuals(true, case.vehicle, since=since)
+        self.errors = self.measured.y - self.true.y
+        self.noise = np.sqrt(np.mean(self.errors**2, axis=0))
+        off = [Term(effect) for effect in case.quality.background(case.vehicle)]
+        self.background = self.true.known(predicted_residual(self.true, off))
 
 
 class Collinearity:
-    """What explains a residual in these flights as well, up to noise and to what vehicle file and
-    sensors are off by.
+    """What explains a residual in these flights as measured as well, up to the noise that the true
+    model leaves and to what vehicle file and sensors are off by.
 
     Two explanations are the same where one comes within a squared whitened distance of the other.
     The parameters of effects are free; mass, thrust and sensors are free within tolerance.
     """
 
-    def __init__(
-        self, flights: Sequence[FlightResiduals], noise: NoiseModel, tolerance: Tolerance
-    ) -> None:
+    def __init__(self, pairs: Sequence[FlightPair]) -> None:
         """Whiten the tolerated errors."""
-        self._flights = flights
-        self._noise = noise
-        self._tolerated = self._columns(
-            [*file_errors(flights, tolerance), *flight_errors(flights, tolerance)]
-        )
+        self._flights = [pair.measured for pair in pairs]
+        self._noise = fit_noise([pair.errors for pair in pairs], self._flights[0].grid.step)
+        tolerance = tolerance_of(self._flights)
+        errors = file_errors(self._flights, tolerance) + flight_errors(self._flights, tolerance)
+        self._tolerated = self._white([error.columns for error in errors])
 
     def doubles(self, terms: Sequence[Term], i: int) -> list[str]:
         """Return the effects that are indistinguishable from terms[i], nearest first; what the
@@ -63,14 +81,14 @@ class Collinearity:
         """
         onset: Onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
         rest = [t for j, t in enumerate(terms) if j != i]
-        own = {
+        trace = {
             e.name: predicted_residual(e, terms) - predicted_residual(e, rest)
             for e in self._flights
         }
         known = {t.effect.identifier for t in terms}
         options = [*self._library(onset), *self._mirror_images(terms[i], onset)]
         options = [option for option in options if option.identifiers[-1] not in known]
-        return self._same(own, options, DISTANCE)
+        return self._same(trace, options, DISTANCE)
 
     def effects_of(self, trace: Trace, within: float) -> list[str]:
         """Return the library effects that come near a residual, nearest first; none where mass,
@@ -81,7 +99,7 @@ class Collinearity:
         return self._same(trace, self._library({}), within)
 
     def _same(self, trace: Trace, options: Sequence[Candidate], within: float) -> list[str]:
-        columns = (np.hstack([self._tolerated, self._columns([option])]) for option in options)
+        columns = (np.hstack([self._tolerated, self._white([o.columns])]) for o in options)
         distances = [self._distance(trace, X) for X in columns]
         names = [option.identifiers[-1] for option in options]
         nearest = sorted(zip(distances, names, strict=True))
@@ -116,36 +134,17 @@ class Collinearity:
         """Return the squared whitened distance of a residual from the span of X."""
         # Ridge regression: min |target - X c|² + |c|² over c, whose penalty is the prior of
         # whitened columns.
-        white = [self._noise.whiten(trace[e.name]) for e in self._flights]
-        target = np.concatenate([y.ravel() for y in white])
+        target = self._white([{name: y[..., None] for name, y in trace.items()}])[:, 0]
         b = X.T @ target
         return float(target @ target - b @ np.linalg.solve(X.T @ X + np.eye(X.shape[1]), b))
 
-    def _columns(self, candidates: Sequence[Candidate]) -> np.ndarray:
-        joined = (
-            np.concatenate([c.columns[e.name] for c in candidates], axis=-1) for e in self._flights
-        )
+    def _white(self, columns: Sequence[Trace]) -> np.ndarray:
+        """Return columns (m, 15, k) by flight side by side, whitened, those of all flights below
+        one another.
+        """
+        joined = (np.concatenate([X[e.name] for X in columns], axis=-1) for e in self._flights)
         white = [self._noise.whiten(X) for X in joined]
         return np.concatenate([X.reshape(-1, X.shape[-1]) for X in white])
-
-
-class FlightPair:
-    """The residuals of one flight as measured, and without noise on the same grid.
-
-    errors: (m, 15) what noise leaves to the true model; noise: its RMS (15,). background: (m, 15)
-    what the errors of the vehicle file leave, in the channels that the log tells.
-    """
-
-    def __init__(self, case: Case, file: str, exact: FlightLog, noisy: FlightLog):
-        """Take both logs of a flight, with the same rows, from where the measured one counts."""
-        measured, true = (dc.replace(log, name=file) for log in (noisy, exact))
-        self.measured = make_flight_residuals(measured, case.vehicle)
-        since = float(self.measured.t[0])
-        self.true = make_flight_residuals(true, case.vehicle, since=since)
-        self.errors = self.measured.y - self.true.y
-        self.noise = np.sqrt(np.mean(self.errors**2, axis=0))
-        off = [Term(effect) for effect in case.quality.background(case.vehicle)]
-        self.background = self.true.known(predicted_residual(self.true, off))
 
 
 class GroundTruth:
@@ -156,11 +155,11 @@ class GroundTruth:
         self.case = case
         self.flights = {file: FlightPair(case, file, exact[file], noisy[file]) for file in FILES}
 
-    def content(self, simulator: str) -> dict[str, Any]:
+    def content(self) -> dict[str, Any]:
         """Return the content of truth.json."""
         case = self.case
         held_out = FILES[-1]
-        quality = self.case.quality
+        quality = case.quality
         noise = self.flights[held_out].noise
         return {
             "effects": [
@@ -171,14 +170,15 @@ class GroundTruth:
             "true_model_residual": dict(zip(CHANNELS, noise.tolist(), strict=True)),
             "visibility": self.visibility(held_out),
             "visibility_in_training": {file: self.visibility(file) for file in FILES[:-1]},
-            "simulator": simulator,
+            "simulator": case.request.simulator,
             "quality": quality.name,
             "kind": case.draw.kind,
-            "seed": case.seed,
+            "seed": case.request.seed,
             "index": case.draw.index,
             "attempt": case.draw.attempt,
             "vehicle_off": {"mass": quality.mass_off, "thrust": quality.thrust_off},
             "plans": {file: plan.kind for file, plan in case.plans.items()},
+            "seconds": case.request.seconds,
         }
 
     def equivalent_library_effects(self) -> list[str]:
@@ -192,29 +192,18 @@ class GroundTruth:
             return []
         trace = {file: pair.true.y - pair.background for file, pair in self.flights.items()}
         within = (NO_GAP**2 - 1.0) * sum(len(y) for y in trace.values())
-        return self._collinearity(FILES).effects_of(trace, within)
+        return Collinearity(list(self.flights.values())).effects_of(trace, within)
 
     def collinear_class(self) -> list[list[str]]:
         """Return per effect the names that are physically the same in the training flights, its own
         first.
-
-        Whitened with what noise really left there, so that nothing is solved for it.
         """
         effects = self.case.effects
         if not effects or self.case.draw.kind == OUT_OF_LIBRARY:
             return [[effect.identifier] for effect in effects]
-        same = self._collinearity(FILES[:-1])
+        same = Collinearity([self.flights[file] for file in FILES[:-1]])
         terms = [Term(effect, dict(self.case.onset)) for effect in effects]
         return [[effect.identifier, *same.doubles(terms, i)] for i, effect in enumerate(effects)]
-
-    def _collinearity(self, files: Sequence[str]) -> Collinearity:
-        """Return what is the same in these flights as measured, under the noise that the true model
-        leaves.
-        """
-        pairs = [self.flights[file] for file in files]
-        measured = [pair.measured for pair in pairs]
-        noise = fit_noise([pair.errors for pair in pairs], measured[0].grid.step)
-        return Collinearity(measured, noise, tolerance_of(measured))
 
     def visibility(self, file: str) -> float:
         """Return the largest ratio, over channels, of a flight's RMS to that which noise leaves to

@@ -16,7 +16,7 @@ def short_warm_up():
     longer.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(make, "fly", partial(flight.fly, warm_up=0.5))
+        patch.setattr(make, "Simulation", partial(flight.Simulation, warm_up=0.5))
         yield
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from diagrams.evidence.challenge.case import FILES, CaseDraw, compatible, compose, draw_case
+from diagrams.evidence.challenge.case import FILES, CaseDraw, SetRequest, compatible, draw_case
 from diagrams.evidence.challenge.out_of_library import DEVELOPMENT, HOLDOUT
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY
@@ -9,8 +9,8 @@ from np_drake.effects.library import LIBRARY
 OPTIONS = {"quality": "real", "seed": 5, "seconds": 8.0}
 
 
-def case(name: str, kind: str = "single", **options):
-    return draw_case(CaseDraw(3, kind, (name,) if name else ()), **{**OPTIONS, **options})
+def case(name: str, kind: str = "single"):
+    return draw_case(CaseDraw(3, kind, (name,) if name else ()), SetRequest(**OPTIONS))
 
 
 def test_nothing_but_the_effect_depends_on_the_effect():
@@ -45,7 +45,7 @@ def test_only_onset_cases_begin_in_mid_flight():
 
 
 def test_a_set_has_the_shares_asked_for():
-    kinds = [draw.kind for draw in compose(200, 30, 0)]
+    kinds = [draw.kind for draw in SetRequest(cases=200, clean=30).draws()]
     counts = {kind: kinds.count(kind) for kind in set(kinds)}
     assert counts == {
         "single": 100,
@@ -58,13 +58,13 @@ def test_a_set_has_the_shares_asked_for():
 
 
 def test_single_effects_cycle_through_the_library():
-    names = [draw.names[0] for draw in compose(88, 0, 0) if draw.kind == "single"]
+    names = [draw.names[0] for draw in SetRequest(cases=88).draws() if draw.kind == "single"]
     assert set(names) == set(LIBRARY)
     assert max(names.count(name) for name in set(names)) <= 2
 
 
 def test_joint_effects_act_at_different_places():
-    for draw in compose(400, 0, 1):
+    for draw in SetRequest(cases=400, seed=1).draws():
         if draw.kind in ("pair", "triple"):
             assert (
                 len({LIBRARY[name].place for name in draw.names})
@@ -76,7 +76,8 @@ def test_joint_effects_act_at_different_places():
 
 
 def test_held_out_effects_are_in_no_ordinary_set_and_alone_in_their_own():
-    usual, unseen = compose(200, 0, 1), compose(64, 8, 1, unseen=True)
+    usual = SetRequest(cases=200, seed=1).draws()
+    unseen = SetRequest(cases=64, clean=8, seed=1, unseen=True).draws()
     assert {name for d in usual if d.kind == "foreign" for name in d.names} == set(DEVELOPMENT)
     assert [d.kind for d in unseen].count("foreign") == 64
     assert {name for d in unseen for name in d.names} == set(HOLDOUT)

@@ -47,7 +47,7 @@ def simulator(request):
 @pytest.fixture(scope="module")
 def fly(simulator):
     """The laws hold from any start; a settled one only takes longer."""
-    return partial(flight.fly, warm_up=0.5, simulator=simulator)
+    return partial(flight.fly, simulation=flight.Simulation(simulator, warm_up=0.5))
 
 
 @pytest.fixture(scope="module")
@@ -197,7 +197,7 @@ def test_both_simulators_fly_alike(name, vehicle, plan, t):
     pytest.importorskip("rotorpy")
     effects = drawn(name, vehicle, seed=4)
     ours, theirs, clean = (
-        flight.fly(vehicle, plan, acting, t=t, warm_up=0.5, simulator=simulator)
+        flight.fly(vehicle, plan, acting, t=t, simulation=flight.Simulation(simulator, warm_up=0.5))
         for acting, simulator in ((effects, "rotorpy"), (effects, "drake"), ([], "drake"))
     )
     # Drake's other clock interpolates across commands, at which accelerations jump.

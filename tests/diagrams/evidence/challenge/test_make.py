@@ -7,8 +7,8 @@ import pytest
 
 from diagrams.batch.run import FailedRun
 from diagrams.evidence.challenge import make as module
-from diagrams.evidence.challenge.case import FILES, CaseDraw, case_name
-from diagrams.evidence.challenge.make import Making, check_request, make
+from diagrams.evidence.challenge.case import FILES, CaseDraw, SetRequest, case_name
+from diagrams.evidence.challenge.make import check_request, make, make_case
 from diagrams.evidence.challenge.truth import GroundTruth
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import load_vehicle
@@ -20,7 +20,7 @@ SIZE = {"cases": 2, "clean": 1}
 @pytest.fixture(scope="module")
 def small_set(tmp_path_factory):
     base = tmp_path_factory.mktemp("challenge")
-    result = make(base / "cases", base / "truth", **SIZE, **OPTIONS)
+    result = make(base / "cases", base / "truth", SetRequest(**SIZE, **OPTIONS))
     return base, result
 
 
@@ -56,7 +56,7 @@ def test_names_and_sizes_give_nothing_away(small_set):
 @pytest.mark.parametrize("truth", ["cases", "cases/truth", "."])
 def test_the_truth_may_not_lie_with_the_cases(tmp_path, truth):
     with pytest.raises(ValueError, match="neither"):
-        make(tmp_path / "cases", tmp_path / truth, cases=1, clean=0)
+        make(tmp_path / "cases", tmp_path / truth, SetRequest(cases=1, clean=0))
     assert not (tmp_path / "cases").exists()
 
 
@@ -65,7 +65,7 @@ def test_the_truth_may_not_lie_with_the_cases(tmp_path, truth):
 )
 def test_impossible_requests_are_refused(tmp_path, wrong):
     with pytest.raises(ValueError, match="make"):
-        make(tmp_path / "cases", tmp_path / "truth", clean=0, **wrong)
+        make(tmp_path / "cases", tmp_path / "truth", SetRequest(clean=0, **wrong))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -77,16 +77,18 @@ def test_a_set_is_not_mixed_with_another_but_may_be_made_again(tmp_path):
             (folders[holder] / name).mkdir(parents=True)
             expected = nullcontext() if fine else pytest.raises(ValueError, match="another set")
             with expected:
-                check_request(folders["cases"], folders["truth"], "drake", "clean", 2, 5.0, seed=5)
+                check_request(
+                    SetRequest(cases=2, clean=0, seed=5), folders["cases"], folders["truth"]
+                )
 
 
 def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch, in_this_process):
-    def lost(case, simulator):
+    def lost(case):
         raise FailedRun("lost")
 
     monkeypatch.setattr(module, "fly_case", lost)
     with pytest.raises(FailedRun, match="no draw"):
-        make(tmp_path / "cases", tmp_path / "truth", cases=0, clean=1, **OPTIONS)
+        make(tmp_path / "cases", tmp_path / "truth", SetRequest(cases=0, clean=1, **OPTIONS))
     assert [path.name for path in sorted(tmp_path.rglob("*"))] == ["cases", "truth"]
 
 
@@ -100,7 +102,7 @@ def test_an_interrupted_set_goes_on_and_ends_as_an_uninterrupted_one(small_set, 
     shutil.rmtree(tmp_path / "truth" / second)
     (tmp_path / "cases" / f".{first}").mkdir()  # half a folder of a killed run
     kept = {n: (tmp_path / "cases" / n / FILES[0]).stat().st_mtime_ns for n in others}
-    assert make(tmp_path / "cases", tmp_path / "truth", **SIZE, **OPTIONS) == result
+    assert make(tmp_path / "cases", tmp_path / "truth", SetRequest(**SIZE, **OPTIONS)) == result
     for kind in ("cases", "truth"):
         files = sorted(path.relative_to(base / kind) for path in (base / kind).rglob("*"))
         assert files == sorted(
@@ -115,12 +117,14 @@ def test_an_interrupted_set_goes_on_and_ends_as_an_uninterrupted_one(small_set, 
 def test_without_rotorpy_the_remedy_is_said_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'np_drake\[challenge\]'"):
-        make(tmp_path / "cases", tmp_path / "truth", simulator="rotorpy", cases=1, clean=0)
+        make(tmp_path / "cases", tmp_path / "truth", SetRequest("rotorpy", cases=1, clean=0))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_effect_that_a_library_effect_explains_is_drawn_again(monkeypatch):
     answers = iter([["mass_error"], []])
     monkeypatch.setattr(GroundTruth, "equivalent_library_effects", lambda _: next(answers))
-    made = Making(**OPTIONS)(dc.asdict(CaseDraw(0, "foreign", ("wall_suction",))))
+    made = make_case(
+        dc.asdict(CaseDraw(0, "foreign", ("wall_suction",))), request=SetRequest(**OPTIONS)
+    )
     assert made["truth"]["attempt"] == 1

@@ -24,7 +24,7 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.labels import raw_labels
 
 # The laws hold from any start; a settled one only takes longer.
-fly = partial(flight.fly, warm_up=0.5, simulator="rotorpy")  # [s]
+fly = partial(flight.fly, simulation=flight.Simulation("rotorpy", warm_up=0.5))  # [s]
 
 EFFECT = SuspendedPayload(0.3, 0.7, 0.01, -0.01, -0.03)
 GRAVITY = 9.81

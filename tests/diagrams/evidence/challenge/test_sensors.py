@@ -71,13 +71,13 @@ def test_a_turned_accelerometer_sees_gravity_through_the_attitudes_error(turned)
 
 def test_a_gauss_markov_process_has_its_size_and_memory():
     t = 0.01 * np.arange(200000)
-    x = gauss_markov(np.random.default_rng(0), t, 2, rms=0.3, tau=0.5)
+    x = gauss_markov(np.random.default_rng(0), t, rms=0.3, tau=0.5)
     assert rms(x) == pytest.approx(0.3, rel=0.05)
     assert np.mean(x[50:] * x[:-50]) / 0.09 == pytest.approx(np.exp(-1), abs=0.05)
 
 
 def test_flicker_has_equal_power_in_every_decade():
-    x = flicker(np.random.default_rng(0), 0.01 * np.arange(2**17), 4, rms=1.0)
+    x = flicker(np.random.default_rng(0), 0.01 * np.arange(2**17), rms=1.0)
     power = np.abs(np.fft.rfft(x, axis=0)) ** 2
     f = np.fft.rfftfreq(len(x), 0.01)
     decades = [power[(f >= low) & (f < 10 * low)].sum() for low in (0.03, 0.3, 3.0)]
