@@ -149,11 +149,11 @@ def diagnosed(case: Case, *, seconds: float) -> dict[str, Any]:
     }
 
 
-def verdict(found: Diagnosis, change: Change) -> dict[str, Any]:
+def verdict(diagnosis: Diagnosis, change: Change) -> dict[str, Any]:
     """Return whether the causes since before are those that changed, and their sizes right: within
     their intervals or `CLOSE`.
     """
-    causes = {c.identifier: c for c in found.causes if c.changed}
+    causes = {c.identifier: c for c in diagnosis.causes if c.changed}
     named = set(causes) == set(change)
     sizes = [
         (causes[effect].parameters[p.name], values[p.name], p.neutral)

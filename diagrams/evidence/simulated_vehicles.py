@@ -25,6 +25,7 @@ from diagrams.evidence.studies.options import Column, fixed, percent, tabulate
 from np_drake import attitude
 from np_drake.effects import BladeFlapping, LinearDrag, TranslationalLift
 from np_drake.effects.calibration import effects_of
+from np_drake.effects.pendulum import hook_velocity
 from np_drake.files.number_text import NOTHING
 from np_drake.flight_log import FlightLog
 from np_drake.identification.identify import identify
@@ -91,8 +92,8 @@ class Truth:
             volts: voltage to which full throttle refers [V]; 0: that of the vehicle.
         """
         v = self.vehicle
-        c = self.vehicle.calibration
-        found = {
+        c = v.calibration
+        values = {
             "torque over thrust": v.torque_coefficient / v.thrust_coefficient,
             "inertia of a rotor": c.rotor_inertia,
             "drag, lateral": self.drag.d_x / v.mass,
@@ -105,12 +106,12 @@ class Truth:
             **{f"IMU tilt {a}": c.imu_tilt[i] for i, a in enumerate("xyz")},
         }
         if self.input == "rotor_speed":
-            return found | {"thrust coefficient": v.thrust_coefficient, "clock of the state": 0.0}
-        found |= dict.fromkeys(("time constant up", "time constant down"), v.rotor_time_constant)
-        found["transport delay"] = c.command_delay
+            return values | {"thrust coefficient": v.thrust_coefficient, "clock of the state": 0.0}
+        values |= dict.fromkeys(("time constant up", "time constant down"), v.rotor_time_constant)
+        values["transport delay"] = c.command_delay
         if self.input == "command":
-            return found | {"logged thrust, true over logged": 1.0}
-        return found | {
+            return values | {"logged thrust, true over logged": 1.0}
+        return values | {
             "thrust at full throttle": float(self.throttle.thrust(1.0, volts or None)),
             "linear share of throttle": self.throttle.linear,
             "power of the voltage": self.throttle.voltage_exponent,
@@ -139,10 +140,10 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     number = rng.uniform(0.06, 0.18)
     k = float(number * AIR * (2 * radius) ** 4 / (2 * np.pi) ** 2)
     lever = least_torque_over_thrust(number, 2 * radius) / rng.uniform(0.4, 0.7)
-    told = published_priors()
-    xx = mass * arm**2 * drawn(told.inertia)
-    yy = xx * drawn(told.inertia_pitch)
-    J = np.diag([xx, yy, (xx + yy) * min(drawn(told.inertia_yaw), 0.98)])
+    priors = published_priors()
+    xx = mass * arm**2 * drawn(priors.inertia)
+    yy = xx * drawn(priors.inertia_pitch)
+    J = np.diag([xx, yy, (xx + yy) * min(drawn(priors.inertia_yaw), 0.98)])
     for i, j in ((0, 1), (0, 2), (1, 2)):
         J[i, j] = J[j, i] = -0.5 * (xx + yy) * spread(0.0, 0.02)
     gains = 1.0 + np.array([spread(0.0, 0.02) for _ in range(4)])
@@ -150,13 +151,13 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
         center_of_mass=[spread(0.0, sd) * arm for sd in (0.03, 0.03, 0.05)],
         rotor_gains=[float(g) for g in gains / gains.mean()],
         command_delay=rng.uniform(0.0, 0.015),
-        rotor_inertia=float(mass * arm**2 * min(drawn(told.rotor_inertia), 2e-3)),
+        rotor_inertia=float(mass * arm**2 * min(drawn(priors.rotor_inertia), 2e-3)),
         imu_position=[spread(0.0, 0.1) * arm for _ in range(3)],
         imu_tilt=[spread(0.0, 0.015) for _ in range(3)],
     )
     strongest = rng.uniform(1.9, 3.5) * 0.25 * mass * G
     throttle = ThrottleMap(strongest, rng.uniform(0.0, 0.4), 0.0, 3.7, rng.uniform(1.0, 2.0))
-    lag = float(np.clip(drawn(told.time_constant), 0.012, 0.07))
+    lag = float(np.clip(drawn(priors.time_constant), 0.012, 0.07))
     turns = 1.0 if rng.integers(2) else -1.0
     vehicle = Vehicle(
         name="simulated",
@@ -202,8 +203,8 @@ def fly_truth(
     """Return logs of ordinary flights, of `seconds` [s] each."""
     v = truth.vehicle
     spin = float(np.sqrt(0.25 * v.mass * G / v.thrust_coefficient))
-    own = effects_of(dc.replace(v.calibration, imu_tilt=[0.0, 0.0, 0.0], clock_offset=0.0), v)
-    acting = (*own, truth.drag, truth.flapping, truth.lift)
+    calibration = dc.replace(v.calibration, imu_tilt=[0.0, 0.0, 0.0], clock_offset=0.0)
+    acting = (*effects_of(calibration, v), truth.drag, truth.flapping, truth.lift)
     seen = np.array([0.002] * 3 + [0.0, *[0.003] * 3] + [0.02] * 3 + [v.measurement_noise.rate] * 3)
     logs = []
     for number, plan in enumerate(draw_plans(rng, v, seconds, flights)):
@@ -247,9 +248,7 @@ def _as_logged(
     v = truth.vehicle
     g = np.array([0.0, 0.0, G])
     # The accelerometer averages over the interval after a row: the change of its velocity.
-    force = force_between(
-        exact.t, exact.q, exact.v + attitude.rotate(exact.q, np.cross(exact.w, truth.imu))
-    )
+    force = force_between(exact.t, exact.q, hook_velocity(truth.imu, exact.x))
     force = np.concatenate([force, force[-1:]])
     moved = dc.replace(exact, a=attitude.rotate(exact.q, force) - g)
     log = with_sensor_noise(moved, v, quality, rng)
@@ -258,9 +257,8 @@ def _as_logged(
     force = attitude.rotate_back(turns, attitude.rotate_back(log.q, log.a + g))
     # An autopilot estimates its attitude by the same IMU; that of a research vehicle is by markers.
     q = attitude.multiply(log.q, turns) if truth.input == "throttle" else log.q
-    a = attitude.rotate(q, force) - g
     w = attitude.rotate_back(turns, log.w)
-    log = dc.replace(log, q=q, a=a, w=w, al=None, name=name)
+    log = dc.replace(log, q=q, a=attitude.rotate(q, force) - g, w=w, al=None, name=name)
     log = log.taken(kept_rows(rng, quality, len(log)))
     if truth.input == "rotor_speed":
         return dc.replace(log, input="rotor_speed")
@@ -273,27 +271,27 @@ def _as_logged(
 
 def identified(case: Case, *, flights: int, seconds: float) -> Line:
     """Draw the vehicle of a case {"seed", "kind"}, fly it so often and long [s], identify it, and
-    return what was told, and processor time of the identification alone [s].
+    return what is identified, and processor time of the identification alone [s].
 
     Raises: FailedRun: if no vehicle of this seed can be flown.
     """
     truth, logs, refused = draw_and_fly(case["seed"], case["kind"], flights, seconds)
     start = time.process_time()
-    found = identify(logs, truth.known, mass=truth.vehicle.mass)
-    quantities = found.quantities
+    identification = identify(logs, truth.known, mass=truth.vehicle.mass)
+    quantities = identification.quantities
     spent = time.process_time() - start
-    known = truth.quantities(found.basis.frame.volts)
+    true = truth.quantities(identification.basis.frame.volts)
     return {
         "mass": truth.vehicle.mass,
         "refused": refused,
         "processor_time": spent,
         "quantities": [
-            _beside_truth(q, known[q.name], truth) for q in quantities if q.name in known
+            _against_truth(q, true[q.name], truth) for q in quantities if q.name in true
         ],
     }
 
 
-def _beside_truth(q: Identified, true: float, truth: Truth) -> Line:
+def _against_truth(q: Identified, true: float, truth: Truth) -> Line:
     low, high = q.prior
     quantity = q.quantity
     guess = float(np.sqrt(low * high)) if quantity.positive else 0.5 * (low + high)
@@ -337,17 +335,17 @@ def quantity_lines(results: Sequence[Line]) -> list[Line]:
     """
     frame = pd.DataFrame([q for result in results for q in result["quantities"]])
     lines = []
-    for name, own in frame.groupby(frame["name"].replace(LINE_OF), sort=False):
-        told = own[own["told"]]
+    for name, alike in frame.groupby(frame["name"].replace(LINE_OF), sort=False):
+        observable = alike[alike["told"]]
         lines.append(
             {
                 "name": name,
-                "unit": own["unit"].iloc[0],
-                "air": bool(own["air"].iloc[0]),
-                "count": len(own),
-                "told": len(told),
-                "within": float(told["within"].mean()) if len(told) else None,
-                **{key: float(told[key].median()) if len(told) else None for key in ERRORS},
+                "unit": alike["unit"].iloc[0],
+                "air": bool(alike["air"].iloc[0]),
+                "count": len(alike),
+                "told": len(observable),
+                "within": float(observable["within"].mean()) if len(observable) else None,
+                **{k: float(observable[k].median()) if len(observable) else None for k in ERRORS},
             }
         )
     return lines
@@ -359,14 +357,15 @@ def pooled_lines(results: Sequence[Line]) -> list[Line]:
     """
     lines = []
     for kind in ("all", *INPUTS):
-        own = [r for r in results if kind in ("all", r["kind"])]
-        if own:
-            line = {"input": kind, "vehicles": len(own), "refused": sum(r["refused"] for r in own)}
-            for air, key in ((False, "vehicle"), (True, "air")):
-                line[key], line[f"{key}_ci95"], line[f"{key}_told"] = _covered(own, air)
-            lines.append(
-                line | {"processor_time": float(np.median([r["processor_time"] for r in own]))}
-            )
+        of_kind = [r for r in results if kind in ("all", r["kind"])]
+        if not of_kind:
+            continue
+        refused = sum(r["refused"] for r in of_kind)
+        line = {"input": kind, "vehicles": len(of_kind), "refused": refused}
+        for air, key in ((False, "vehicle"), (True, "air")):
+            line[key], line[f"{key}_ci95"], line[f"{key}_told"] = _covered(of_kind, air)
+        times = [r["processor_time"] for r in of_kind]
+        lines.append(line | {"processor_time": float(np.median(times))})
     return lines
 
 
@@ -377,22 +376,22 @@ def _covered(results: Sequence[Line], air: bool) -> tuple[float | None, float | 
     counts = [
         [q["within"] for q in r["quantities"] if q["told"] and q["air"] == air] for r in results
     ]
-    inside, told = np.array([(sum(c), len(c)) for c in counts], float).T
-    every = int(told.sum())
+    inside, intervals = np.array([(sum(c), len(c)) for c in counts], float).T
+    total = int(intervals.sum())
     n = len(results)
-    if not every:
+    if not total:
         return None, None, 0
-    share = float(inside.sum() / every)
+    share = float(inside.sum() / total)
     # Intervals of one vehicle err together: variance of a ratio of sums over vehicles.
-    variance = n / max(n - 1, 1) * np.sum((inside - share * told) ** 2)
-    return share, 1.96 * float(np.sqrt(variance) / every) if n > 1 else None, every
+    variance = n / max(n - 1, 1) * np.sum((inside - share * intervals) ** 2)
+    return share, 1.96 * float(np.sqrt(variance) / total) if n > 1 else None, total
 
 
 def _share(line: Line, key: str) -> str:
     half = line[f"{key}_ci95"]
     spread = "" if half is None else f" ± {100 * half:.1f}"
-    told = NOTHING if line[key] is None else f"{100 * line[key]:.1f}{spread} %"
-    return f"{told} of {line[f'{key}_told']}"
+    share = NOTHING if line[key] is None else f"{100 * line[key]:.1f}{spread} %"
+    return f"{share} of {line[f'{key}_told']}"
 
 
 def _error(line: Line, key: str) -> str:

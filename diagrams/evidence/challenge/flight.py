@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RotationMatrix
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
 from diagrams.batch.run import FailedRun, require
@@ -78,7 +80,8 @@ class DrakeWorld:
         """
         self._root.SetTime(t)
         p_WB, q, v = np.split(x[:10], [3, 7])
-        pose = [*q / np.linalg.norm(q), *p_WB]
+        R_WB = RotationMatrix(Quaternion(q / np.linalg.norm(q)))
+        pose = [*R_WB.ToQuaternion().wxyz(), *p_WB]
         velocity = [*attitude.rotate(q, x[10:13]), *v]
         payload = self._payload
         if payload.tether == "cable":
@@ -161,11 +164,6 @@ class Simulation:
     warm_up: float = WARM_UP
     noise: np.ndarray | float = 0.0
 
-    @property
-    def interpolates(self) -> bool:
-        """Whether rows of another clock are interpolated; rotorpy reads at its instants."""
-        return self.simulator == "drake"
-
     def world(self, vehicle: Vehicle, effects: Sequence[Effect]) -> Any:
         """Return the plant: `DrakeWorld`, or one with its methods."""
         if self.simulator == "drake":
@@ -198,8 +196,10 @@ def fly(
     """
     sensors = [effect for effect in effects if isinstance(effect, SensorEffect)]
     offset = sum(sensor.clock_shift for sensor in sensors)
+    # rotorpy reads at the instants of the other clock; Drake's rows are interpolated there.
+    interpolates = simulation.simulator == "drake"
     step = float(np.median(np.diff(t)))
-    margin = MARGIN if simulation.interpolates else max(offset, 0.0)
+    margin = MARGIN if interpolates else max(offset, 0.0)
     before = t[0] - step * np.arange(round(simulation.warm_up / step), 0, -1)
     after = t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))
     rows = np.concatenate([before, t, after])
@@ -207,7 +207,7 @@ def fly(
     worlds = {split: simulation.world(vehicle, [*background, *effects])}
     if split:
         worlds[0] = simulation.world(vehicle, background)
-    reads = rows[:-1] if simulation.interpolates else rows[:-1] + offset
+    reads = rows[:-1] if interpolates else rows[:-1] + offset
     commands, states = _fly_rows(vehicle, worlds, plan, rows, reads, simulation.noise)
     n = len(states)
     reading = Measurement(states[:, :13], states[:, 13:16], states[:, 16:], commands[:n, 4:])
@@ -216,7 +216,7 @@ def fly(
         reading = sensor.measure(vehicle, reading, np.zeros((n, sensor.white_size)))
     p, q, v, w = np.split(reading.x, [3, 7, 10], axis=1)
     log = FlightLog(rows[:n], p, q, v, w, commands[:n, :4], reading.a, reading.al, reading.rotor)
-    if simulation.interpolates and offset:
+    if interpolates and offset:
         log = shift_state(log, offset)
     first = int(np.searchsorted(log.t, t[0] - 1e-9))
     return log.rows(first, first + len(t))

@@ -160,7 +160,6 @@ class RotorPyWorld(Multirotor):
         lags = [effect.time_constant for effect in places.actuator if isinstance(effect, MotorLag)]
         lag = (lags or [vehicle.rotor_time_constant])[-1]
         rotors = np.array(vehicle.rotor_positions) - body.p_BoBcm_B
-        fastest = np.sqrt(vehicle.max_rotor_thrust / vehicle.thrust_coefficient)
         given = {
             "mass": body.mass,
             **{f"I{'xyz'[i]}{'xyz'[j]}": body.J[i, j] for i in range(3) for j in range(i, 3)},
@@ -168,7 +167,7 @@ class RotorPyWorld(Multirotor):
             "rotor_pos": {f"r{i + 1}": place for i, place in enumerate(rotors)},
             "rotor_directions": np.array(vehicle.rotor_directions),
             "rotor_speed_min": 0.0,
-            "rotor_speed_max": float(fastest),
+            "rotor_speed_max": np.inf,  # the controller's command is within its bounds
             "k_eta": vehicle.thrust_coefficient,
             "k_m": vehicle.torque_coefficient,
             "tau_m": lag if lag > 0 else np.inf,
@@ -194,7 +193,7 @@ class RotorPyWorld(Multirotor):
 
     def _rotor_speeds(self, u: np.ndarray) -> np.ndarray:
         """Return the rotor speeds (4,) that a nominal vehicle needs [rad/s]."""
-        thrust = np.clip(self._vehicle.unmixer @ u, 0.0, np.inf)
+        thrust = np.maximum(self._vehicle.unmixer @ u, 0.0)
         return np.sqrt(thrust / self._vehicle.thrust_coefficient)
 
     def start(self, t: float, x: np.ndarray, before: "RotorPyWorld | None" = None) -> None:
@@ -255,7 +254,7 @@ class RotorPyWorld(Multirotor):
 
     def _rate(self, t: float, s: np.ndarray) -> np.ndarray:
         """Return the derivative of a state under the acting command; writes the wind into `s`."""
-        s[WIND] = sum(wind(t) for wind in self._winds) if self._winds else 0.0
+        s[WIND] = sum(wind(t) for wind in self._winds)
         self._now = self._motion(t, s, s[SPEED])
         remaining = s[SIZE:]
         rates = []
