@@ -75,7 +75,7 @@ def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
         cases.mkdir()
         truth.mkdir()
         request = SetRequest(simulator, quality, seconds=SECONDS, seed=SEED)
-        write_case(make_case(dc.asdict(draw), request=request), cases, truth)
+        write_case(make_case(dc.asdict(draw), request), cases, truth)
         return summary(diagnose_folder(cases / case_name(SEED, draw.index), replay=False))
 
 

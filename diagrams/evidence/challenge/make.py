@@ -81,7 +81,7 @@ def make(
     return {"written": len(draws), "kinds": kinds, "redrawn": lost.total(), "lost": dict(lost)}
 
 
-def make_case(case: dict, *, request: SetRequest) -> dict:
+def make_case(case: dict, request: SetRequest) -> dict:
     """Return {"name", "files": text by name, "truth"} of the fields of a `CaseDraw`, drawn until
     the vehicle is not lost and no library effect explains the case; writes nothing here.
 

@@ -19,6 +19,7 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.pendulum import hanging_still
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
 
 # rotorpy's own state: of Bcm, quaternion x, y, z, w; hidden states of effects and the payload's
@@ -147,8 +148,8 @@ class RotorPyWorld(Multirotor):
     state; other effects join its body wrench. Classical Runge-Kutta of fourth order integrates it.
 
     rotorpy's own parameters are mass, inertia, place of the rotors from the centre of mass, thrust
-    and torque coefficient, motor time constant (infinite: none, and the command is the speed) and
-    gravity. Its ground plane and its own aerodynamics are off. Other effects act by
+    and torque coefficient (`thrust_scale`), motor time constant (infinite: none, and the command is
+    the speed) and gravity. Its ground plane and its own aerodynamics are off. Other effects act by
     the functions of the effect itself, all on the same thrusts; one with a hidden state adds to
     them.
     """
@@ -157,8 +158,10 @@ class RotorPyWorld(Multirotor):
         """Build the vehicle. Raises ValueError: on two payloads, or what is no effect."""
         places = split_effects(effects)
         body = mass_properties(vehicle, places.mass)
+        scales = [effect.scale for effect in places.actuator if isinstance(effect, ThrustScale)]
         lags = [effect.time_constant for effect in places.actuator if isinstance(effect, MotorLag)]
         lag = (lags or [vehicle.rotor_time_constant])[-1]
+        scale = float(np.prod(scales))
         rotors = np.array(vehicle.rotor_positions) - body.p_BoBcm_B
         given = {
             "mass": body.mass,
@@ -168,8 +171,8 @@ class RotorPyWorld(Multirotor):
             "rotor_directions": np.array(vehicle.rotor_directions),
             "rotor_speed_min": 0.0,
             "rotor_speed_max": np.inf,  # the controller's command is within its bounds
-            "k_eta": vehicle.thrust_coefficient,
-            "k_m": vehicle.torque_coefficient,
+            "k_eta": scale * vehicle.thrust_coefficient,
+            "k_m": scale * vehicle.torque_coefficient,
             "tau_m": lag if lag > 0 else np.inf,
         }
         super().__init__(given, aero=False, enable_ground=False)
@@ -184,7 +187,8 @@ class RotorPyWorld(Multirotor):
             if type(e).air_velocity is not WrenchEffect.air_velocity
         ]
         self._pushes = [e for e in places.wrench if e.pushes or e.turns]
-        others = [e for e in places.actuator if not (isinstance(e, MotorLag) or e.dead_time)]
+        of_rotorpy = (MotorLag, ThrustScale)
+        others = [e for e in places.actuator if not (isinstance(e, of_rotorpy) or e.dead_time)]
         self._gains = [effect for effect in others if not effect.state_size]
         self._hidden = [effect for effect in others if effect.state_size]
         self._tether = None if places.payload is None else Tether(places.payload)
@@ -207,9 +211,9 @@ class RotorPyWorld(Multirotor):
             self._command = before._command
             speed = before.speed()
         s = to_rotorpy(x, self._center, speed)
-        thrust = self._motion(t, s, speed).rotor_thrust
-        parts = [effect.state_at(self._vehicle, thrust) for effect in self._hidden]
-        parts += [self._tether.hang(x)] if self._tether else []
+        now = self._motion(t, s, speed)
+        parts = [effect.state_at(self._vehicle, now.rotor_thrust) for effect in self._hidden]
+        parts += [self._tether.hang(now.x)] if self._tether else []
         self._t = t
         self._s = np.concatenate([s, *parts])
 

@@ -76,8 +76,8 @@ def test_joint_effects_act_at_different_places():
 
 
 def test_held_out_effects_are_in_no_ordinary_set_and_alone_in_their_own():
-    usual = SetRequest(cases=200, seed=1).draws()
     unseen = SetRequest(cases=64, clean=8, seed=1, unseen=True).draws()
+    usual = SetRequest(cases=200, seed=1).draws()
     assert {name for d in usual if d.kind == "foreign" for name in d.names} == set(DEVELOPMENT)
     assert [d.kind for d in unseen].count("foreign") == 64
     assert {name for d in unseen for name in d.names} == set(HOLDOUT)

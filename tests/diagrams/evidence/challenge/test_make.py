@@ -77,9 +77,7 @@ def test_a_set_is_not_mixed_with_another_but_may_be_made_again(tmp_path):
             (folders[holder] / name).mkdir(parents=True)
             expected = nullcontext() if fine else pytest.raises(ValueError, match="another set")
             with expected:
-                check_request(
-                    SetRequest(cases=2, clean=0, seed=5), folders["cases"], folders["truth"]
-                )
+                check_request(SetRequest(seed=5, cases=2, clean=0), *folders.values())
 
 
 def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch, in_this_process):
@@ -124,7 +122,5 @@ def test_without_rotorpy_the_remedy_is_said_before_any_work(tmp_path, monkeypatc
 def test_an_effect_that_a_library_effect_explains_is_drawn_again(monkeypatch):
     answers = iter([["mass_error"], []])
     monkeypatch.setattr(GroundTruth, "equivalent_library_effects", lambda _: next(answers))
-    made = make_case(
-        dc.asdict(CaseDraw(0, "foreign", ("wall_suction",))), request=SetRequest(**OPTIONS)
-    )
+    made = make_case(dc.asdict(CaseDraw(0, "foreign", ("wall_suction",))), SetRequest(**OPTIONS))
     assert made["truth"]["attempt"] == 1

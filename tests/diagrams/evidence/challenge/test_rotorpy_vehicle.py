@@ -23,7 +23,6 @@ from np_drake.effects.pendulum import hook_acceleration, hook_velocity
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.labels import raw_labels
 
-# The laws hold from any start; a settled one only takes longer.
 fly = partial(flight.fly, simulation=flight.Simulation("rotorpy", warm_up=0.5))  # [s]
 
 EFFECT = SuspendedPayload(0.3, 0.7, 0.01, -0.01, -0.03)
