@@ -87,14 +87,6 @@ def content(
             (capital(listed(titles(identification, names))), why, way)
             for way, names, why in not_told(identification)
         ],
-        "header": [
-            "quantity",
-            "value",
-            "95 %",
-            "prior, 95 %",
-            "told by",
-            *(["flights"] if each else []),
-        ],
         "quantities": [
             [
                 q.title,
@@ -111,17 +103,8 @@ def content(
             f"{i + 1} {plain_name(model.flight.name)}"
             for i, model in enumerate(identification.models)
         ),
-        "residual_header": [
-            "flight",
-            "model",
-            *(f"{kind} {axis}" for kind in ("force", "torque") for axis in "xyz"),
-        ],
         "residuals": [_residual(row) for row in rows],
-        "open_header": [
-            "flight",
-            "model",
-            *(f"{name}, {h:g} s" for h in HORIZONS for name in ERRORS),
-        ],
+        "errors": [f"{name}, {h:g} s" for h in HORIZONS for name in ERRORS],
         "open_loop": [_open_loop(row) for row in rows if np.isfinite(row.open_loop).any()],
         "flights": [
             *((model.flight.name, "fitted") for model in identification.models),

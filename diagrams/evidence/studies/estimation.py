@@ -27,8 +27,16 @@ from np_drake.skill.skill import naive_predictions
 from np_drake.training_data.segments import Segment, of_wrenches
 
 CHANNELS = {  # of chi, in each column
-    **{"F_x": [0], "F_y": [1], "F_z": [2], "tau_x": [3], "tau_y": [4], "tau_z": [5]},
-    **{"F_xy": [0, 1], "tau_xy": [3, 4], "F": [0, 1, 2], "tau": [3, 4, 5]},
+    "F_x": [0],
+    "F_y": [1],
+    "F_z": [2],
+    "tau_x": [3],
+    "tau_y": [4],
+    "tau_z": [5],
+    "F_xy": [0, 1],
+    "tau_xy": [3, 4],
+    "F": [0, 1, 2],
+    "tau": [3, 4, 5],
 }
 COLUMNS = tuple(CHANNELS)  # in the order of the table
 

@@ -248,27 +248,25 @@ class Comparison:
 
     measures: of a flight, as far as JSON knows them; `metrics` are those of its table, and what is
         drawn alone stands under `drawn`.
-    lost: metrics of a lost vehicle; None: its case has failed.
+    lost: metrics of a lost vehicle; without any its case has failed.
     """
 
     name: str
-    rows: tuple[Row, ...]
     experiments: tuple[str, ...]
     measures: Callable[[FlightResult], dict]
-    lost: dict[str, float] | None = None
+    lost: dict[str, float] = dc.field(default_factory=dict)
 
     def fly(self, run: FlownRun, rows: Sequence[Row]) -> list[dict]:
         """Return the results of all flights: {"row", "experiment", "seed"}, and the measures or
         why the vehicle was "lost".
         """
-        first = {e: settings_of(configure(e, self.rows[0], **run.world)) for e in self.experiments}
+        first = {e: settings_of(configure(e, rows[0], **run.world)) for e in self.experiments}
         scenarios = [
             {"experiment": e, "seed": seed} for e in self.experiments for seed in run.seeds
         ]
         work = partial(self.flown, **run.world)
         _, records = fly_rows(run, self.name, rows, scenarios, work, config={"flown": first})
-        metrics = {} if self.lost is None else {"metrics": self.lost}
-        return [{**metrics, **result} for result in results(records)]
+        return [{"metrics": self.lost, **result} for result in results(records)]
 
     def flown(self, case: Case, row: Row, model: str, **world: Any) -> dict:
         """Return the result of a case; a lost vehicle is one: another try would lose it too."""
@@ -277,20 +275,19 @@ class Comparison:
         try:
             flight = fly(configure(experiment, row, model=model, **world), seed=case["seed"])
         except FailedRun as error:
-            if self.lost is None:
+            if not self.lost:
                 raise
             return {**head, "controller": row.kind, "lost": str(error)}
         return {**head, **self.measures(flight)}
 
     def controllers(self, run: FlownRun, rows: Sequence[Row], model: str) -> dict[str, dict]:
         """Return the controller of each row as `--json` holds it; `model` stands for its file."""
-        trained = {row.name: row.training and model.format(row.training) for row in rows}
-        return {
-            row.name: dc.asdict(
-                configure(self.experiments[0], row, model=trained[row.name], **run.world).controller
-            )
-            for row in rows
-        }
+        controllers = {}
+        for row in rows:
+            trained = row.training and model.format(row.training)
+            config = configure(self.experiments[0], row, model=trained, **run.world)
+            controllers[row.name] = dc.asdict(config.controller)
+        return controllers
 
 
 def summaries(

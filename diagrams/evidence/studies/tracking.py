@@ -84,7 +84,6 @@ def with_last_lap(flight: FlightResult) -> dict:
 
 TRACKING = Comparison(
     "tracking",
-    ROWS,
     TRACKS,
     with_last_lap,
     lost={**dict.fromkeys((*ERRORS, "growth"), np.inf), "solve_failures": 0},
@@ -286,7 +285,6 @@ def swung(flight: FlightResult) -> dict:
 
 HOVER = Comparison(
     "hover",
-    HOVER_ROWS,
     ("hover_swing",),
     swung,
     lost={**dict.fromkeys(HOVER_KEYS, np.inf), "solve_failures": 0, "fallbacks": 0},
@@ -379,7 +377,7 @@ def attached(flight: FlightResult) -> dict:
     }
 
 
-ATTACH = Comparison("attach", ATTACH_ROWS, ("attach",), attached)
+ATTACH = Comparison("attach", ("attach",), attached)
 
 
 def step_response(t: np.ndarray, courses: np.ndarray) -> dict[str, float]:
@@ -401,8 +399,10 @@ def step_response(t: np.ndarray, courses: np.ndarray) -> dict[str, float]:
     rise = _crossing(t[early], course[early], 0.9)
     late = course[early & (t >= rise)]
     return {
-        **{"size": float(steps.mean()), "size_ci95": metrics.half_width(steps), "rise": rise},
-        "scatter": float(np.std(steps, ddof=1)) if len(steps) > 1 else float("nan"),
+        "size": float(steps.mean()),
+        "size_ci95": metrics.half_width(steps),
+        "rise": rise,
+        "scatter": float(pd.Series(steps).std()),
         "overshoot": float(course[early].max() - 1.0),
         "dip": float(1.0 - late.min()) if len(late) else float("nan"),
         "deviation": float(before.std(axis=1).mean()),
