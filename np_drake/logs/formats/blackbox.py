@@ -573,16 +573,16 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     parts: list[dict[str, Stream]] = []
     breaks: list[StatedBreak] = []
     latest = -np.inf
-    for own in alike:
-        streams, told = _decoded(own, content, wanted)
-        progress(own.stop / len(content))
-        if told[ROWS]:
+    for log in alike:
+        streams, tally = _decoded(log, content, wanted)
+        progress(log.stop / len(content))
+        if tally[ROWS]:
             parts.append(streams)
             times = np.concatenate([stream.t for stream in streams.values()])
             if latest < times.min(initial=np.inf) < np.inf and len(parts) > 1:
                 breaks.append(StatedBreak(float(times.min()), "another log begins"))
             latest = max(latest, times.max(initial=-np.inf))
-        findings += _odd(f"log {own.number}" if len(known) > 1 else "", told, streams.get(BODY))
+        findings += _odd(f"log {log.number}" if len(known) > 1 else "", tally, streams.get(BODY))
     require(
         parts,
         f"{path}: must hold a whole I frame after its header; it has none. {REMEDY}.",
@@ -644,15 +644,15 @@ def _joined(parts: Sequence[Stream]) -> Stream:
     )
 
 
-def _odd(which: str, told: np.ndarray, body: Stream | None) -> Iterator[Finding]:
-    """Yield findings on what is damaged, and on the rows whose axes are not told."""
-    if told[DAMAGED]:
+def _odd(which: str, tally: np.ndarray, body: Stream | None) -> Iterator[Finding]:
+    """Yield findings on what is damaged, and on the rows whose axes are not known."""
+    if tally[DAMAGED]:
         text = (
-            f"damaged at {told[DAMAGED]} place{'s' if told[DAMAGED] > 1 else ''}; the frames "
-            f"there, and {told[LEFT_OUT]} behind up to the next I frame, are left out."
+            f"damaged at {tally[DAMAGED]} place{'s' if tally[DAMAGED] > 1 else ''}; the frames "
+            f"there, and {tally[LEFT_OUT]} behind up to the next I frame, are left out."
         )
         yield Finding(Kind.LEFT_OUT, which, text)
-    if not told[ENDED]:
+    if not tally[ENDED]:
         text = "no end of the log (cut off, or the power was lost); its whole frames are kept."
         yield Finding(Kind.DETAIL, which, text)
     if body is not None and len(body):

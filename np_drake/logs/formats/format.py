@@ -127,9 +127,9 @@ class Scanned(dict[str, tuple[str, ...]]):
         super().__init__(streams)
         self.other = other
         self.cut = cut
-        self.parameters = dict(parameters or {})
-        self.rates = dict(rates or {})
-        self.values_of = dict(values or {})
+        self.parameters = parameters or {}
+        self.rates = rates or {}
+        self.values_of = values or {}
 
 
 def scanned(contents: Contents) -> Scanned:

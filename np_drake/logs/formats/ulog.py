@@ -430,7 +430,7 @@ def _contents(path: Path) -> Contents:
     there, or only armed.
     Raises: LogError: if it is no ULog file, or pyulog is not installed.
     """
-    log, cut = _parse(Path(path), None, no_progress)
+    log, cut = _parse(path, None, no_progress)
     contents: dict[str, tuple[str, ...]] = {}
     rates: dict[str, float] = {}
     values: dict[str, float] = {}
@@ -500,8 +500,8 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     latter of commands.
     Raises: LogError: if it is no ULog file, a field is not there, or pyulog is not installed.
     """
-    told = {name.split("/")[0] for name in STATUS} | {COUNTERS}
-    log, cut = _parse(Path(path), sorted({name.split(".")[0] for name in wanted} | told), progress)
+    names = {COUNTERS, *(name.split("/")[0] for name in (*STATUS, *wanted))}
+    log, cut = _parse(path, sorted(name.split(".")[0] for name in names), progress)
     streams: dict[str, Stream] = {}
     delays: dict[str, float] = {}
     findings = list[Finding]()
@@ -532,9 +532,6 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             findings.append(Finding(Kind.LEFT_OUT, name, text))
         flags = {c: data[c] for c in sorted(known) if c in VALID or c.endswith("reset_counter")}
         findings += _validity(name, t, flags)
-        never = [c.removesuffix("_valid") for c in VALID if c in flags and not flags[c].any()]
-        if never:
-            findings.append(Finding(Kind.DAMAGE, name, f"{', '.join(never)} never valid"))
         resets += _resets(t, flags)
     clips, shakes = _shaken(log)
     ending = [CUT_OFF] if cut else []
@@ -559,9 +556,9 @@ def _events(log: Any) -> Iterator[tuple[float, str]]:
             message, _, field = name.partition("/")
             values = data.data.get(field, t[:0]) if data.name == message else t[:0]
             for row in np.flatnonzero(np.diff(np.nan_to_num(values), prepend=0)):
-                said = meaning if isinstance(meaning, str) else meaning.get(int(values[row]), "")
-                if values[row] and said:
-                    yield float(t[row]), said
+                text = meaning if isinstance(meaning, str) else meaning.get(int(values[row]), "")
+                if values[row] and text:
+                    yield float(t[row]), text
     for message in log.logged_messages:
         if message.log_level - ord("0") <= WARNS:
             yield (message.timestamp - log.start_timestamp) / 1e6, f"{message.message!r}"
@@ -625,6 +622,9 @@ def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iter
     counts = ", ".join(f"{c.removesuffix(RESETS)} {n}" for c, n in resets.items() if n)
     if counts:
         yield Finding(Kind.DETAIL, name, f"the estimate jumps at its resets ({counts}).")
+    never = ", ".join(c.removesuffix("_valid") for c in VALID if not flags.get(c, np.ones(1)).any())
+    if never:
+        yield Finding(Kind.DAMAGE, name, f"{never} never valid")
 
 
 def _resets(t: np.ndarray, flags: Mapping[str, np.ndarray]) -> list[StatedBreak]:
