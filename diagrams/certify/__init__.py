@@ -2,7 +2,7 @@
 bound of how often they fail.
 """
 
-from diagrams.certify.certificate import Bound, Certificate, certify
+from diagrams.certify.certificate import Accepted, Bound, Certificate, certify
 from diagrams.certify.ranges import Range, drawn_flight
 
-__all__ = ["Bound", "Certificate", "Range", "certify", "drawn_flight"]
+__all__ = ["Accepted", "Bound", "Certificate", "Range", "certify", "drawn_flight"]

@@ -87,6 +87,20 @@ class Bound:
 
 
 @dc.dataclass(frozen=True)
+class Accepted:
+    """What is accepted of a part that may be flown.
+
+    limit: largest rate of failures [1]. confidence: of the bound [1].
+    """
+
+    limit: float = 0.01
+    confidence: float = 0.95
+
+
+DEFAULT = Accepted()
+
+
+@dc.dataclass(frozen=True)
 class Certificate:
     """Answer of `certify`.
 
@@ -373,9 +387,8 @@ def certify(
     *,
     flights: int = 1000,
     within: float = np.inf,
-    limit: float = 0.01,
-    confidence: float = 0.95,
     cells: int = 6,
+    accepted: Accepted = DEFAULT,
     run: Run | None = None,
 ) -> Certificate:
     """Fly draws of a scenario and return where, and how surely, it may be flown.
@@ -388,15 +401,16 @@ def certify(
         over: ranges, of which the first two make the map.
         flights: in all; without a range none of them explores.
         within: radius of the corridor about the reference [m].
-        limit: largest rate of failures that is accepted [1].
-        confidence: of the bound [1].
         cells: of the map along each range.
+        accepted: largest rate of failures, and confidence of the bound.
         run: seed, workers, folder and progress; None: one process, silent, seed 0.
     Raises: ValueError: on a range that does not fit the scenario, or of which no draw can be flown;
         FailedRun: where a flight ends in an error.
     """
     run = run or Run()
     over = tuple(one.check() for one in over)
+    limit = accepted.limit
+    confidence = accepted.confidence
     shape = tuple(cells if k < len(over) else 1 for k in range(2))
     require(
         within > 0 and 0 < limit < 1 and 0 < confidence < 1 and 1 <= cells <= MOST_CELLS,

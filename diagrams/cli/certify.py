@@ -6,7 +6,7 @@ from typing import Annotated
 
 from typer import Option
 
-from diagrams.certify.certificate import YES, Certificate
+from diagrams.certify.certificate import YES, Accepted, Certificate
 from diagrams.certify.certificate import certify as certificate_of
 from diagrams.certify.ranges import Range
 from diagrams.cli.fly import Experiment, Fields, FlyOptions, Predictor, scenarios
@@ -69,9 +69,8 @@ def certify(
         ranges,
         flights=flights,
         within=float("inf") if within is None else within,
-        limit=limit,
-        confidence=confidence,
         cells=cells,
+        accepted=Accepted(limit, confidence),
         run=run,
     )
 

@@ -11,7 +11,7 @@ from sklearn.preprocessing import PolynomialFeatures
 from typer import Option
 
 from diagrams.batch.run import Case, Report, Run, failures, results
-from diagrams.certify.certificate import Certificate, certify, fly_draws, scenario_content
+from diagrams.certify.certificate import Accepted, Certificate, certify, fly_draws, scenario_content
 from diagrams.certify.ranges import Range
 from diagrams.evidence.simulated_vehicles import draw_and_fly
 from diagrams.evidence.studies.options import Column, fixed, percent, tabulate
@@ -39,7 +39,7 @@ SCORED = 4.0  # of a flight of the paper's vehicle, after its ramp [s]
 CLOSE = 0.2  # of a prediction [1]
 WIDE = 0.2  # half of a naive interval over its value [1]
 # of a certificate
-LIMIT = 0.05
+ACCEPTED = Accepted(limit=0.05)
 CELLS = 4
 LOGGED = 20.0  # of a flight under firmware, after its ramp [s]
 TRACKS = ("multisine", "training_circle", "circle")  # of those flights
@@ -230,7 +230,13 @@ def run(
         configs = (corrected, without_spread(corrected), with_plain_spread(corrected))
         for row, config in zip(ROWS, configs, strict=True):
             certificate = certify(
-                config, over, flights=flights, within=within, limit=LIMIT, cells=CELLS, run=seeded
+                config,
+                over,
+                flights=flights,
+                within=within,
+                cells=CELLS,
+                accepted=ACCEPTED,
+                run=seeded,
             )
             lines.append({"row": row, "seed": seeded.seed, **judged(certificate, flown)})
     table = summary(pd.DataFrame(lines))
