@@ -23,7 +23,7 @@ from diagrams.batch.run import Table, one_line
 from diagrams.loop.controllers import add_controller
 from diagrams.loop.flight import FlightConfig
 from np_drake import attitude, metrics
-from np_drake.autopilot.mavlink import COMPANION, Codec, MavlinkLink, Said
+from np_drake.autopilot.mavlink import COMPANION, Codec, MavlinkLink, Message
 from np_drake.autopilot.offboard import (
     KEPT,
     Anchor,
@@ -154,9 +154,9 @@ class SolverThread:
         the step has failed.
         """
         with contextlib.suppress(Empty):
-            found = self._answers.get(timeout=patience if self._is_busy else 0.0)
+            answer = self._answers.get(timeout=patience if self._is_busy else 0.0)
             self._is_busy = False
-            return found
+            return answer
         return None
 
     def close(self) -> None:
@@ -211,7 +211,7 @@ class Node:
         # changes of phase: since the first tick [s], to which, and why
         self.phases = Phases()
         self.events = list[tuple[float, Phase, str]]()
-        self._heard = list[Said]()
+        self._heard = list[Message]()
         self._rows = list[tuple[np.ndarray, ...]]()
         self.x = np.full(13, np.nan)  # state in the autopilot's local frame, z up
         self._begin = np.inf  # time of the first tick [s]
@@ -292,7 +292,7 @@ class Node:
         unused = self.leaves and waits and not self.phases.handed_over
         return self.phase is Phase.STOPPED or unused
 
-    def listen(self) -> list[Said]:
+    def listen(self) -> list[Message]:
         """Return what has come since the last tick; the next takes it, by its time."""
         try:
             self._heard += [one for data in self._link.receive() for one in self._codec.parse(data)]
@@ -319,8 +319,8 @@ class Node:
     def _tick(self, now: float, patience: float) -> None:
         heard = self.listen()
         self._heard = []
-        for said in heard:
-            self.readings.take(said, now)
+        for message in heard:
+            self.readings.take(message, now)
         reading = self.readings.at(now)
         start = self._place(0.0)
         self.x = reading.x
@@ -402,13 +402,13 @@ class Node:
             self.counts["late"] += self._is_owed
             self._is_owed = self._is_trusted
             self._begin_step(reading, x, a)
-        found = self._worker.answer(patience)
-        if found is None or found.context is not self._memory:
+        answer = self._worker.answer(patience)
+        if answer is None or answer.context is not self._memory:
             return
-        self.solves.append(found.solve_time)
-        usable = bool(np.isfinite(found.rates_thrust).all())
-        self._answer = found if usable else None
-        if usable and found.status < MpcStatus.SHIFTED_PLAN:
+        self.solves.append(answer.solve_time)
+        usable = bool(np.isfinite(answer.rates_thrust).all())
+        self._answer = answer if usable else None
+        if usable and answer.status < MpcStatus.SHIFTED_PLAN:
             self._without_answer = 0
             self._is_owed = False
 
@@ -562,10 +562,10 @@ def deadlines(node: Node) -> dict[str, Any]:
 def tables(node: Node) -> list[Table]:
     """Return the tables of a node: its flight, its phases, its deadlines."""
     phases = [(f"{t:.2f}", phase.value, reason) for t, phase, reason in node.events]
-    found = deadlines(node)
+    counts = deadlines(node)
     refused = node.readings.refused
     times = [
-        (name, *(f"{found[key][part]:.2f}" for part in ("median", "p95", "max")))
+        (name, *(f"{counts[key][part]:.2f}" for part in ("median", "p95", "max")))
         for name, key in (
             ("solve", "solve_ms"),
             ("tick after its time", "jitter_ms"),
@@ -573,11 +573,11 @@ def tables(node: Node) -> list[Table]:
         )
     ]
     counted = [
-        ("ticks, of them skipped", f"{found['ticks']}, {found['skipped']}"),
-        ("solves, of them late", f"{found['periods']}, {found['late']}"),
+        ("ticks, of them skipped", f"{counts['ticks']}, {counts['skipped']}"),
+        ("solves, of them late", f"{counts['periods']}, {counts['late']}"),
         ("messages out of turn, absurd", f"{refused['late']}, {refused['absurd']}"),
-        ("restarts of the autopilot", str(found["restarts"])),
-        ("ticks that failed", str(found["errors"])),
+        ("restarts of the autopilot", str(counts["restarts"])),
+        ("ticks that failed", str(counts["errors"])),
     ]
     shown: list[Table] = [
         ("phases", ["at [s]", "phase", "why"], phases),
@@ -585,8 +585,9 @@ def tables(node: Node) -> list[Table]:
         ("counts", ["of", "number"], counted),
     ]
     if (flown := node.flown) is not None:
-        own = flight_metrics(node, flown)
-        row = (f"{own['flown']:.1f}", f"{100 * own['E_xy']:.2f}", f"{100 * own['E_z']:.2f}")
+        scores = flight_metrics(node, flown)
+        errors = (f"{100 * scores[key]:.2f}" for key in ("E_xy", "E_z"))
+        row = (f"{scores['flown']:.1f}", *errors)
         shown.insert(0, ("flight", ["flown [s]", "E_xy [cm]", "E_z [cm]"], [row]))
     return shown
 

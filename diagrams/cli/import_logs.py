@@ -75,35 +75,35 @@ def import_logs(
     rows = list[tuple]()
     written = list[str]()
     failures = list[str]()
-    left = list[str]()
+    remarks = list[str]()
     with progress("importing", len(logs)) as advance:
         for number, path in enumerate(logs):
             try:
-                found = import_log(
+                imported = import_log(
                     path,
                     declared,
                     **how,  # type: ignore[arg-type]
                     on_progress=part_of(advance, number),
                 )
-                targets = _targets(found, run.folder, suffix, written)
+                targets = _targets(imported, run.folder, suffix, written)
             except (LogError, OSError) as error:
                 reason = getattr(error, "strerror", None)
                 failures.append(f"{path}: {reason}." if reason else str(error))
                 continue
-            for flight, target in zip(found.flights, targets, strict=True):
+            for flight, target in zip(imported.flights, targets, strict=True):
                 write_log(flight, target)
-                write_sheet(dc.replace(found.sheet, start=flight.start), target)
+                write_sheet(dc.replace(imported.sheet, start=flight.start), target)
                 written.append(str(target))
-            left += [f"{path.name}: {line}" for line in found.shown]
+            remarks += [f"{path.name}: {line}" for line in imported.shown]
             gaps = (
-                found.sheet.content["gaps"]
+                imported.sheet.content["gaps"]
                 .split(";")[0]
                 .replace(" inside gaps bridged or left out", "")
             )
-            timing = 1e3 * found.sheet.timing
+            timing = 1e3 * imported.sheet.timing
             rows += [
                 (log.name, float(log.t[-1]), 1 / log.step, log.input, timing, gaps)
-                for log in found.flights
+                for log in imported.flights
             ]
             advance(number + 1, path.name)
     failure = None
@@ -118,17 +118,17 @@ def import_logs(
         config={"logs": logs, "map": log_map, **how},
         metrics={"files": written, "failures": failures},
         summary=[f"{flights} written to {run.folder}, a sheet beside each."] if rows else [],
-        warnings=grouped(left, [path.name for path in logs]),
+        warnings=grouped(remarks, [path.name for path in logs]),
         failure=failure,
     )
 
 
-def _targets(found: Imported, folder: Path, suffix: str, before: list[str]) -> list[Path]:
+def _targets(imported: Imported, folder: Path, suffix: str, before: list[str]) -> list[Path]:
     """Return the files of the flights of one log; `before` are those of other logs.
 
     Raises: LogError: if a file is there already.
     """
-    targets = [folder / f"{flight.name}{suffix}" for flight in found.flights]
+    targets = [folder / f"{flight.name}{suffix}" for flight in imported.flights]
     for path in (p for target in targets for p in (target, sheet_path(target))):
         if path.exists():
             twice = "another log of this command has the same name. Import it by itself, with"

@@ -37,7 +37,7 @@ def write_demo(demo: Demo, folder: Path) -> Path:
     vehicle = demo.training.config.vehicle
     simulator = corrected.corrected_simulator(demo.diagnosis, vehicle)
     corrected.write_corrected(simulator, demo.diagnosis, folder / corrected.FILE)
-    side_by_side.write_side_by_side(demo.beside, vehicle, folder / side_by_side.FILE)
+    side_by_side.write_side_by_side(demo.replays, vehicle, folder / side_by_side.FILE)
     simulators = {
         side_by_side.FILE: f"The {HELD_OUT} beside its simulators",
         corrected.FILE: "Corrected simulator",
@@ -120,9 +120,9 @@ def content(demo: Demo) -> dict[str, Any]:
 def headline(demo: Demo) -> str:
     """Return the answer in one line."""
     cut = demo.reduction()[HELD_OUT]["E_xy"]
-    found = demo.diagnosis.verdict
-    right = sum(name in found for name in demo.withheld)
-    wrong = len(set(found) - set(demo.withheld))
+    verdict = demo.diagnosis.verdict
+    right = sum(name in verdict for name in demo.withheld)
+    wrong = len(set(verdict) - set(demo.withheld))
     others = f"{wrong} that {'is' if wrong == 1 else 'are'} not there" if wrong else "no other"
     off = max(abs(line["corrected"] / line["flight"] - 1.0) for line in demo.meeting())
     return (
@@ -144,13 +144,13 @@ def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
             low, high = estimate.ci95
             if true == 0.0 and low <= 0.0 <= high:
                 continue
-            told = words.NOTHING
+            truth = words.NOTHING
             unit = words.unit_of(cause, estimate)
             if true is not None:  # with the digits of the interval
                 half = 0.5 * (high - low)
                 exact = Estimate(true, estimate.unit, (true - half, true + half))
-                told = words.estimate(exact, unit)[0]
-            rows.append((*first, parameter, *words.estimate(estimate, unit), told))
+                truth = words.estimate(exact, unit)[0]
+            rows.append((*first, parameter, *words.estimate(estimate, unit), truth))
             first = ("", "")
     if UNKNOWN in demo.diagnosis.verdict:
         probability = words.probability(demo.diagnosis.unknown_probability)

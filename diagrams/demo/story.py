@@ -55,7 +55,7 @@ class Demo:
     trained: Mapping[str, Any]
     flights: Mapping[tuple[str, str], FlightResult]
     diagnosis: Diagnosis
-    beside: SideBySide
+    replays: SideBySide
     simulated: Mapping[tuple[str, str], FlightResult]
     simulated_seconds: float
 
@@ -158,14 +158,14 @@ def run_demo(
         jobs,
         lambda share: on_progress(LEARNING + (1 - LEARNING) * share, "diagnosis and flights"),
     )
-    diagnosis, beside, corrected = done.pop("diagnosis")
+    diagnosis, replays, corrected = done.pop("diagnosis")
     return Demo(
         seed=seed,
         training=training,
         trained=trained,
         flights={key: done[key] for key in configs},
         diagnosis=diagnosis,
-        beside=beside,
+        replays=replays,
         simulated={key: done[key] for key in foretold} | corrected,
         simulated_seconds=seconds,
     )
@@ -209,11 +209,11 @@ def _diagnose(
     one.
     """
     replay = DrakeReplay(vehicle)
-    found = diagnose(train, held_out, vehicle, replay, adaptive_split=False)
-    beside = side_by_side(found, vehicle, held_out, replay)
-    world = corrected_simulator(found, vehicle).reality
+    diagnosis = diagnose(train, held_out, vehicle, replay, adaptive_split=False)
+    replays = side_by_side(diagnosis, vehicle, held_out, replay)
+    world = corrected_simulator(diagnosis, vehicle).reality
     flown = {("corrected", row.kind): in_simulator(world, row.kind)() for row in FORETOLD}
-    return found, beside, flown
+    return diagnosis, replays, flown
 
 
 def diagnosed(flight: FlightResult) -> FlightLog:

@@ -24,13 +24,13 @@ def sentence(flights: Sequence[FlightResult]) -> str:
 
 def models(flights: Sequence[FlightResult]) -> str:
     """Return which model file each learned controller flew; empty where all are packaged."""
-    own = [
+    learned = [
         flight.config.controller for flight in flights if flight.config.controller.kind in LEARNED
     ]
-    if not any(one.predictor for one in own):
+    if not any(one.predictor for one in learned):
         return ""
-    told = [f"{one.name} flew {one.predictor or 'the packaged one'}" for one in own]
-    return f"Model files: {', '.join(told)}."
+    flown = [f"{one.name} flew {one.predictor or 'the packaged one'}" for one in learned]
+    return f"Model files: {', '.join(flown)}."
 
 
 def stem(flight: FlightResult) -> str:

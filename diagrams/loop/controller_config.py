@@ -48,6 +48,10 @@ class ControllerConfig:
     mpc: MpcConfig = dc.field(default_factory=MpcConfig)
     label: LabelConfig = dc.field(default_factory=LabelConfig)
 
+    def __post_init__(self) -> None:
+        """Raises: ValueError: where a number is outside its bounds."""
+        check_fields(self, "controller")
+
     def check(self) -> "ControllerConfig":
         """Return self after checking kind, solver and steps.
 
@@ -57,14 +61,14 @@ class ControllerConfig:
         self.label.check()
         if self.vehicle is not None:
             self.vehicle.check()
-        own = is_own(self.kind)
+        users = is_own(self.kind)
         require(
-            own or self.kind in CONTROLLERS,
+            users or self.kind in CONTROLLERS,
             f"controller: must be one of {', '.join(CONTROLLERS)}, or MODULE:NAME of your own; "
             f"got {self.kind!r}.",
         )
         require(
-            own or not self.parameters,
+            users or not self.parameters,
             f"controller: parameters are of one of your own (MODULE:NAME); got kind {self.kind}.",
         )
         require_solver(self.solver)
@@ -114,6 +118,10 @@ class AutopilotConfig:
     # none | rate_loop: as the vehicle file says | betaflight: its firmware
     kind: str = word(NONE, *AUTOPILOTS)
     betaflight: BetaflightConfig = dc.field(default_factory=BetaflightConfig)
+
+    def __post_init__(self) -> None:
+        """Raises: ValueError: where a number is outside its bounds."""
+        check_fields(self, "autopilot")
 
     def check(self) -> "AutopilotConfig":
         """Return self after checking all values.

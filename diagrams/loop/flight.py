@@ -12,7 +12,7 @@ from pydrake.systems.analysis import GetIntegrationSchemes, SimulatorConfig
 
 from diagrams.batch.run import require
 from diagrams.loop.controller_config import NONE, AutopilotConfig, ControllerConfig
-from diagrams.loop.own_controller import Factory, beside, is_own, kind_of
+from diagrams.loop.own_controller import Factory, is_own, kind_of, with_file
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
 from np_drake.autopilot.offboard import OffboardConfig
@@ -211,10 +211,11 @@ class FlightConfig:
         most = vehicle.max_rotor_thrust
         speed = mpc.max_speed
         tilt = mpc.max_tilt
-        own = self.reference.is_file
+        of_file = self.reference.is_file
         size = np.linalg.norm(flat[2], axis=1)
-        slower = "Take a lower speed, or more time between the rows." if own else WIDER
-        smoother = "Take a lower speed, or smoother positions with more digits." if own else WIDER
+        slower = "Take a lower speed, or more time between the rows." if of_file else WIDER
+        smoother = "Take a lower speed, or smoother positions with more digits."
+        smoother = smoother if of_file else WIDER
         bounds = (
             (
                 -flat[0, :, 2],
@@ -251,8 +252,8 @@ class FlightConfig:
         )
         for values, bound, what, remedy in bounds:
             k = int(np.argmax(values))
-            told = f"must {what.format(values[k], size[k])} at {t[k]:.2f} s. {remedy}"
-            require(values[k] <= bound, f"{self.reference.track}: {told}")
+            broken = f"must {what.format(values[k], size[k])} at {t[k]:.2f} s. {remedy}"
+            require(values[k] <= bound, f"{self.reference.track}: {broken}")
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields for another process, Drake's settings of the simulator by name."""
@@ -271,8 +272,8 @@ class FlightConfig:
     def carried_mass(self) -> float:
         """Mass of quadrotor and payload [kg]."""
         payload = self.reality.hung
-        own = mass_properties(self.vehicle, self.reality.mass_effects()).mass
-        return own + (payload.mass + payload.rope_mass if payload.tether != "none" else 0.0)
+        mass = mass_properties(self.vehicle, self.reality.mass_effects()).mass
+        return mass + (payload.mass + payload.rope_mass if payload.tether != "none" else 0.0)
 
     @property
     def lift(self) -> float:
@@ -310,18 +311,18 @@ class FlightConfig:
         x, y, z = payload.hook
         bob = Payload(payload.mass, payload.length, (x, y, z), payload.air_damping)
         hung = None if payload.tether == "none" else bob
-        own = split_effects(in_flight(self.vehicle, others=reality.actuator_effects()))
-        actuators = [*reality.actuator_effects(), *own.actuator]
+        calibration = split_effects(in_flight(self.vehicle, others=reality.actuator_effects()))
+        actuators = [*reality.actuator_effects(), *calibration.actuator]
         if self.vehicle.rotor_time_constant and not any(isinstance(e, MotorLag) for e in actuators):
             actuators.insert(0, MotorLag(self.vehicle.rotor_time_constant))
         return TrueModel(
             self.controller.believed(self.vehicle),
             hung,
-            [*own.wrench, *reality.wrench_effects()],
+            [*calibration.wrench, *reality.wrench_effects()],
             [e for e in actuators if e.dead_time == 0.0],
             sum(e.dead_time for e in actuators),
             reality.onsets,
-            [*own.mass, *reality.mass_effects()],
+            [*calibration.mass, *reality.mass_effects()],
             reality.hangs_at,
             self._payloads(hung),
         )
@@ -400,23 +401,23 @@ def load_flight(
         flight = _read(read_yaml(filename), vehicle, Path(filename).parent)
         flight = flight.with_autopilot(flight.autopilot.kind) if flight.autopilot.flies else flight
         if is_own(flight.controller.kind):
-            flight.controller.kind = beside(flight.controller.kind, Path(filename).parent)
+            flight.controller.kind = with_file(flight.controller.kind, Path(filename).parent)
         return flight.check() if checked else flight
 
 
 def _read(content: Any, vehicle: Vehicle | None, folder: Path) -> FlightConfig:
     """Return what a scenario file in `folder` names, over the defaults of its vehicle."""
     named = filled(FlightConfig(), content)
-    own = vehicle or named.vehicle.check()
+    flies = vehicle or named.vehicle.check()
     require(
         not named.scaled or not named.reality.effects,
         "reality.effects stand in SI and do not scale; leave `scaled` out.",
     )
     if named.scaled:
-        return scaled(dc.replace(named, vehicle=own))
-    default = default_flight(own)
+        return scaled(dc.replace(named, vehicle=flies))
+    default = default_flight(flies)
     flight = filled(dc.replace(default, duration=np.nan), content)
-    flight.vehicle = own
+    flight.vehicle = flies
     if "height" not in (content.get("reference") or {}):
         flight.reference.height = default.in_reality(flight.reality.check()).reference.height
     if flight.reference.is_file:

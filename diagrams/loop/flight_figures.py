@@ -99,8 +99,8 @@ def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
         near = [int(np.argmin(np.linalg.norm(ref - point, axis=1))) for point in points]
         ax.plot(t[near], points[:, 2], **_WAYPOINTS)
     for k, flight in enumerate(flights):
-        own = flight.last_lap
-        ax.plot(flight.signals["t"][own], flight.flown[own, 2], **_line(k), linewidth=1.5)
+        lap = flight.last_lap
+        ax.plot(flight.signals["t"][lap], flight.flown[lap, 2], **_line(k), linewidth=1.5)
     low, high = ax.get_ylim()
     middle = 0.5 * (low + high)
     half = max(0.5 * (high - low), LEAST_HEIGHT)

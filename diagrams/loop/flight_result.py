@@ -108,8 +108,8 @@ class FlightResult:
     @property
     def label(self) -> str:
         """Name of the controller, such as `np` or `nominal + total mass`."""
-        told = " + total mass" if self.config.controller.extra_mass else ""
-        return f"{self.config.controller.name}{told}"
+        added = " + total mass" if self.config.controller.extra_mass else ""
+        return f"{self.config.controller.name}{added}"
 
     @property
     def title(self) -> str:
@@ -249,23 +249,23 @@ class FlightResult:
         """Return a sentence on the waypoints that the flight did not pass, and one on a payload
         below the ground; none where all is well.
         """
-        said = []
+        lines = []
         distances = self.waypoint_distances
         within = self.config.reference.within
         if below := self.below_ground:
-            said.append(
+            lines.append(
                 f"the payload of the flight with {self.label} is below the ground from "
                 f"{below['time']:.2f} s on, by {measure(below['depth'], 'm')} at most; the "
                 "simulator has no ground. Fly higher, or shorten the tether."
             )
         rows = np.flatnonzero([] if distances is None else distances > within)
         if distances is None or not len(rows):
-            return said
-        told = ", ".join(f"{k + 1} ({distances[k]:.2f} m)" for k in rows[:MOST_TOLD])
+            return lines
+        listed = ", ".join(f"{k + 1} ({distances[k]:.2f} m)" for k in rows[:MOST_TOLD])
         more = f" and {len(rows) - MOST_TOLD} more" if len(rows) > MOST_TOLD else ""
         many = "waypoint" if len(rows) == 1 else "waypoints"
         missed = f"the flight with {self.label} does not come within {within:g} m of {many} "
-        return [*said, f"{missed}{told}{more}."]
+        return [*lines, f"{missed}{listed}{more}."]
 
     def metrics(self) -> dict:
         """Return the metrics of the scored part, as `--json` writes them."""
@@ -347,7 +347,7 @@ def _advance(
     who = config.controller.name
     vehicle = diagram.GetSubsystemByName(REAL_VEHICLE)
     reference = config.motion
-    own = is_own(config.controller.kind)
+    users = is_own(config.controller.kind)
 
     def lost(why: str) -> LostVehicle:
         error = LostVehicle(f"{config.name}: {why}")
@@ -362,11 +362,11 @@ def _advance(
             simulator.AdvanceTo(t)
         except RuntimeError as error:
             why = f"the simulation ended before {t:.1f} s: {error}"
-            if own and "NaN" in str(error):
+            if users and "NaN" in str(error):
                 why = f"{who} commanded what is not a number before {t:.1f} s."
             raise lost(why) from error
         except (Exception, SystemExit) as error:
-            if not own:
+            if not users:
                 raise
             when = f"{config.name}: {who} failed at {context.get_time():.2f} s"
             raise FailedRun(f"{when}: {one_line(error)}.") from error

@@ -81,7 +81,7 @@ def _schema(topic: str, content: dict[str, float]) -> dict[str, Any]:
 def _messages(flight: FlightResult) -> Iterator[tuple[str, int, Any]]:
     """Yield topic, time [ns] and content: numbers by name, or a message of Foxglove's."""
     s = flight.signals
-    every = max(1, round(1 / PATH_RATE / flight.config.controller.period))
+    stride = max(1, round(1 / PATH_RATE / flight.config.controller.period))
     x = s["x_true"]
     p_WP = flight.payload_position
     numbers = _signals(flight)
@@ -89,7 +89,7 @@ def _messages(flight: FlightResult) -> Iterator[tuple[str, int, Any]]:
     hooks = x[:, :3] + attitude.rotation_matrix(x[:, 3:7]) @ hook
     for k, when in enumerate(np.round(1e9 * s["t"]).astype(np.int64).tolist()):
         if k == 0:
-            yield "/scene", when, _fox().SceneUpdate(entities=_bodies(flight, s["p_ref"][::every]))
+            yield "/scene", when, _fox().SceneUpdate(entities=_bodies(flight, s["p_ref"][::stride]))
         frames = [_transform(VEHICLE, when, x[k, :3], x[k, 3:7])]
         if p_WP is not None:
             frames.append(_transform(PAYLOAD, when, p_WP[k], LEVEL))
@@ -124,7 +124,7 @@ def _signals(flight: FlightResult) -> list[tuple[str, Sequence[str], np.ndarray]
         ("/solve", ("time", "status"), np.c_[s["solve_time"], s["status"]]),
         ("/delay", ("delay",), s.get("delay")),
     )
-    return [(topic, names, found) for topic, names, found in known if found is not None]
+    return [(topic, names, values) for topic, names, values in known if values is not None]
 
 
 def _bodies(flight: FlightResult, track: np.ndarray) -> list[Any]:

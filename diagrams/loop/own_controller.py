@@ -41,7 +41,7 @@ def kind_of(factory: Factory) -> str:
     return f"{getattr(known, '__module__', '__main__')}:{name}"
 
 
-def beside(kind: str, folder: Path) -> str:
+def with_file(kind: str, folder: Path) -> str:
     """Return the kind with its file, where that lies in `folder`."""
     module, _, name = kind.rpartition(":")
     file = folder / (module if module.endswith(".py") else f"{module.replace('.', '/')}.py")
@@ -53,7 +53,7 @@ def load_factory(kind: str) -> Factory:
 
     Raises: ValueError: one line, where there is none, or its module cannot be imported.
     """
-    place, _, name = beside(kind, Path()).rpartition(":")
+    place, _, name = with_file(kind, Path()).rpartition(":")
     of_file = place.endswith(".py")
     require(
         bool(place) and name.isidentifier(),
@@ -120,15 +120,15 @@ def make_own_controller(
         f"{type(factory).__name__}. Name the class, or write lambda: Mine(…).",
     )
     known = [*inspect.signature(factory).parameters.values()]
-    own = [
+    named = [
         p.name
         for p in known
         if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p.name not in offered
     ]
-    strange = sorted({*parameters} - {*own})
+    strange = sorted({*parameters} - {*named})
     require(
         not strange or any(p.kind == p.VAR_KEYWORD for p in known),
-        f"{who}: has no parameter {', '.join(strange)}; it has {', '.join(own) or 'none'}.",
+        f"{who}: has no parameter {', '.join(strange)}; it has {', '.join(named) or 'none'}.",
     )
     given = {p.name: offered[p.name] for p in known if p.name in offered}
     try:
@@ -159,10 +159,10 @@ def _check_ports(who: str, system: System, command: str) -> None:
     )
     for name, size in inputs.items():
         require(name in INPUTS, f"{who}: has an input port {name}; known are {', '.join(INPUTS)}.")
-        whole = name == "flat" and size > 0 and size % INPUTS[name] == 0
+        is_horizon = name == "flat" and size > 0 and size % INPUTS[name] == 0
         more = " times the points of a horizon" if name == "flat" else ""
         require(
-            whole or size == INPUTS[name],
+            is_horizon or size == INPUTS[name],
             f"{who}: input port {name} must have size {INPUTS[name]}{more}; got {size}.",
         )
     for name, size in outputs.items():

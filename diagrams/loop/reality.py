@@ -54,6 +54,10 @@ class RealityConfig:
     # joint, of the parameters of `effects`
     posterior: Posterior = dc.field(default_factory=Posterior)
 
+    def __post_init__(self) -> None:
+        """Raises: ValueError: where a number is outside its bounds."""
+        check_fields(self, "RealityConfig")
+
     def check(self) -> "RealityConfig":
         """Return self after checking all values.
 
@@ -161,10 +165,10 @@ class RealityConfig:
 
     def sensor_effects(self) -> list[MeasurementEffect]:
         """Return what the sensors do, noise last; a shifted clock is left out (`clock_shift`)."""
-        found = [
+        effects = [
             e for e in split_effects(self.added).measurement if not getattr(e, "clock_shift", 0.0)
         ]
-        return [*found, library.SensorNoise(self.noise)]
+        return [*effects, library.SensorNoise(self.noise)]
 
     @property
     def clock_shift(self) -> float:
@@ -178,11 +182,11 @@ class RealityConfig:
         if payload is None and hung.tether != "none":
             x, y, z = hung.hook
             payload = library.SuspendedPayload(*hung.pendulum, x, y, z, hung.air_damping)
-        found: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]
+        effects: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]
         if hung.rope_mass:
-            found.append(library.MassError(hung.mass + hung.rope_mass - hung.pendulum[0]))
-        found += [*self.wrench_effects(), *([payload] if payload else [])]
-        return [*found, *split_effects(self.added).measurement]
+            effects.append(library.MassError(hung.mass + hung.rope_mass - hung.pendulum[0]))
+        effects += [*self.wrench_effects(), *([payload] if payload else [])]
+        return [*effects, *split_effects(self.added).measurement]
 
     def thrust_at(self, vehicle: Vehicle, t: float, *, failing: bool = True) -> float:
         """Return real over nominal thrust, mean of the rotors [1].
@@ -210,17 +214,17 @@ def make_real_vehicle(
     Args:
         command_period: at whose multiples alone the command changes [s].
     """
-    own = split_effects(in_flight(vehicle, others=reality.actuator_effects()))
+    calibration = split_effects(in_flight(vehicle, others=reality.actuator_effects()))
     return make_tethered_quadrotor(
         vehicle,
         reality.hung,
-        wrench_effects=[*own.wrench, *reality.wrench_effects()],
+        wrench_effects=[*calibration.wrench, *reality.wrench_effects()],
         # What scales thrust acts behind the speed of the rotors.
         actuator_effects=sorted(
-            [*reality.actuator_effects(), *own.actuator],
+            [*reality.actuator_effects(), *calibration.actuator],
             key=lambda effect: not isinstance(effect, MotorLag),
         ),
-        mass_effects=[*own.mass, *reality.mass_effects()],
+        mass_effects=[*calibration.mass, *reality.mass_effects()],
         command_period=command_period,
         onsets=reality.onsets,
         hangs_at=reality.hangs_at,

@@ -249,7 +249,7 @@ class Page:
     legend: (colour, text).
     follow: path of the object with which the camera flies, and where from it the camera is in a
         window that is wider than high [m].
-    whole: whether a window that is wider than high shows the scene's own view, from where it is.
+    wide: whether a window that is wider than high shows the scene's own view, from where it is.
     """
 
     title: str
@@ -259,7 +259,7 @@ class Page:
     legend: tuple[tuple[Rgba, str], ...] = ()
     note: str = ""
     follow: tuple[str, tuple[float, float, float]] | None = None
-    whole: bool = False
+    wide: bool = False
 
 
 def write_page(meshcat: Meshcat, film: Film, page: Page, path: str | Path) -> None:
@@ -292,7 +292,7 @@ def _numbers(page: Page) -> dict:
         "start": page.start,
         "rate": FRAME_RATE,
         "follow": page.follow and {"path": scene(page.follow[0]), "eye": list(page.follow[1])},
-        "whole": page.whole,
+        "wide": page.wide,
         "errors": [
             {"label": label, "color": _css(color), "cm": [cm(value) for value in values]}
             for label, color, values in page.read_outs
@@ -336,7 +336,7 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
         meshcat.SetObject(f"waypoints/{number}", Sphere(0.12 * size), GREY)
         meshcat.SetTransform(f"waypoints/{number}", RigidTransform(point))
     thrust, force, factor = _arrows(flight)
-    told = "true" if flight.wrench_label is None else "estimated"
+    known = "true" if flight.wrench_label is None else "estimated"
     away = set_camera(meshcat, s["p_ref"][rows], size)
     near = min(away, NEAR * size + (0.0 if hung is None else reality.hung.length))
     released = [event.time for event in config.events if event.kind == "release"]
@@ -360,11 +360,11 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
             (GREEN, "flown path"),
             (BLUE, "reference, and the front rotors"),
             (DARK, "thrust"),
-            (PINK, f"{told} external force × {factor:g}"),
+            (PINK, f"{known} external force × {factor:g}"),
             *([] if points is None else [(GREY, "waypoints")]),
         ),
         follow=("quadrotor", tuple(near * FROM)),
-        whole=True,
+        wide=True,
     )
     write_page(meshcat, film, page, path)
 

@@ -51,8 +51,8 @@ def main() -> None:
         logs.append(fly(config, seed=len(logs)).log())
     # a simulator logs commands as they act
     vehicle = dc.replace(config.vehicle, command_timing="held")
-    found = diagnose(logs[:1], logs[1:], vehicle)
-    print(found.verdict, found.causes[0].parameters["stiffness"])
+    diagnosis = diagnose(logs[:1], logs[1:], vehicle)
+    print(diagnosis.verdict, diagnosis.causes[0].parameters["stiffness"])
 
 
 if __name__ == "__main__":

@@ -50,8 +50,8 @@ def make_env(payload: float) -> DrakeGymEnv:
         reward=lambda root, context: (
             STEP / (1.0 + 100.0 * sum((ERROR @ root.get_output_port().Eval(context)) ** 2))
         ),
-        reset_handler=lambda own, context, seed: set_initial_state(
-            own.get_system(), context, config
+        reset_handler=lambda simulator, context, seed: set_initial_state(
+            simulator.get_system(), context, config
         ),
     )
 

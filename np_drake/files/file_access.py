@@ -224,8 +224,8 @@ def require_no_input(path: str | Path) -> None:
 
 def _identity(path: str | Path) -> Identity | None:
     """Return what tells a file apart; None where there is none, or where it is no ordinary file."""
-    found = os.stat(path) if os.path.isfile(path) else None
-    return None if found is None else (found.st_dev, found.st_ino)
+    status = os.stat(path) if os.path.isfile(path) else None
+    return None if status is None else (status.st_dev, status.st_ino)
 
 
 FULL = (errno.ENOSPC, errno.EDQUOT)  # what a system says where no room is left
@@ -335,15 +335,15 @@ def lock_outputs(folders: Iterable[Path], files: Iterable[Path] = ()) -> Iterato
     drops the lock of a process that dies: the lock file that it leaves behind holds nobody up.
     Raises: OSError: if another run holds one of them, or there is no place for the lock file.
     """
-    with ExitStack() as held:
+    with ExitStack() as locks:
         for folder in {folder.resolve(): folder for folder in folders}.values():
             if not folder.exists():
                 folder.mkdir(parents=True, exist_ok=True)
-                held.callback(_remove_empty, folder)
-            held.enter_context(_locked(folder / LOCK, folder))
+                locks.callback(_remove_empty, folder)
+            locks.enter_context(_locked(folder / LOCK, folder))
         for file in files:
             target = file.resolve()
-            held.enter_context(_locked(target.with_name(f".{target.name}{LOCK}"), file))
+            locks.enter_context(_locked(target.with_name(f".{target.name}{LOCK}"), file))
         yield
 
 

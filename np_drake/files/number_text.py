@@ -46,18 +46,18 @@ def grouped(lines: Iterable[str], names: Container[str]) -> list[str]:
     alike: dict[str, tuple[dict[str, None], dict[str, None]]] = {}
     for line in lines:
         name, _, text = line.partition(": ")
-        told = text if name in names else line
-        of, texts = alike.setdefault(_NUMBER.sub("\0", told), ({}, {}))
+        remark = text if name in names else line
+        of, texts = alike.setdefault(_NUMBER.sub("\0", remark), ({}, {}))
         of |= {name: None} if name in names else {}
-        texts[told] = None
-    found = []
+        texts[remark] = None
+    result = []
     for of, texts in alike.values():
         each = zip(*map(_NUMBER.findall, texts), strict=True)
         values = [*(" / ".join(dict.fromkeys(numbers)) for numbers in each), ""]
         parts = zip(_NUMBER.split(next(iter(texts))), values, strict=True)
         text = "".join(part + value for part, value in parts)
-        found.append(f"{', '.join(of)}: {text}" if of else text)
-    return found
+        result.append(f"{', '.join(of)}: {text}" if of else text)
+    return result
 
 
 def departure_unit(unit: str) -> tuple[float, str]:
@@ -142,5 +142,5 @@ def measure(value: float | None, unit: str, digits: int = 2) -> str:
 
 def suited(size: float, unit: str) -> tuple[float, str]:
     """Return the factor and the name of the unit in which a size [SI unit] is read best."""
-    every = UNITS.get(unit, ((0.0, 1.0, unit),))
-    return next((factor, shown) for least, factor, shown in every if size >= least)
+    steps = UNITS.get(unit, ((0.0, 1.0, unit),))
+    return next((factor, shown) for least, factor, shown in steps if size >= least)

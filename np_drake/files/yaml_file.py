@@ -82,7 +82,7 @@ def check_fields(thing: Any, who: str) -> None:
             words = ", ".join(filter(None, about["words"]))
             raise ValueError(f"{who}: {field.name} must be one of {words}; got {value!r}.")
         if "unit" in about and not (value is None and field.default is None):
-            check_numbers(f"{who}: {field.name}", value, whole=field.type is int, **about)
+            check_numbers(f"{who}: {field.name}", value, integer=field.type is int, **about)
 
 
 def check_numbers(
@@ -92,21 +92,21 @@ def check_numbers(
     bounds: tuple[float, float] = (0, math.inf),
     shape: tuple[int, ...] = (),
     *,
-    whole: bool = False,
+    integer: bool = False,
 ) -> None:
     """Check a number, or numbers of a shape, within bounds [unit].
 
     Raises: ValueError: one line with name, bounds, unit and value.
     """
     least, most = bounds
-    kind: Any = numbers.Integral if whole else numbers.Real
-    found = np.array(value, dtype=object)
-    counts = [one for one in found.flat if isinstance(one, kind) and not isinstance(one, bool)]
-    fits = found.shape == shape and len(counts) == found.size
+    kind: Any = numbers.Integral if integer else numbers.Real
+    values = np.array(value, dtype=object)
+    counts = [one for one in values.flat if isinstance(one, kind) and not isinstance(one, bool)]
+    fits = values.shape == shape and len(counts) == values.size
     if fits and all(least <= one <= most and abs(one) <= LARGEST for one in counts):
         return
     between = f"positive, {most:g} at most" if least == POSITIVE else f"{least:g} to {most:g}"
-    words = WORDS.get(bounds, between) + (", a whole number" if whole else "")
+    words = WORDS.get(bounds, between) + (", a whole number" if integer else "")
     count = f"{' x '.join(map(str, shape))} numbers, each " if shape else ""
     remedy = f" Is it in {unit}?" if most < math.inf and unit != "1" else ""
     raise ValueError(f"{name} must be {count}{words} [{unit}]; got {shown(value)}.{remedy}")

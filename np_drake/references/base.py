@@ -1,8 +1,11 @@
 """Interface of a reference motion, and the simplest ones."""
 
+import math
 from typing import Protocol
 
 import numpy as np
+
+from np_drake.files.yaml_file import POSITIVE, check_numbers
 
 
 class Reference(Protocol):
@@ -10,6 +13,15 @@ class Reference(Protocol):
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p, v, a, jerk, snap in W, (5, n, 3) [m, m/s, …, m/s⁴], at times t (n,) [s]."""
+
+
+def require_positive(who: str, unit: str, **sizes: float) -> None:
+    """Check sizes of a motion, by name.
+
+    Raises: ValueError: one line, where one is not positive and finite [unit].
+    """
+    for name, size in sizes.items():
+        check_numbers(f"{who}: {name}", size, unit, (POSITIVE, math.inf))
 
 
 class Sum:

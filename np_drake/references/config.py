@@ -43,6 +43,10 @@ class ReferenceConfig:
     dither_frequencies: list[float] = dc.field(default_factory=lambda: [0.23, 0.41, 0.67, 0.97])
     dither_seed: int = number(0, "1", 0)  # of the dither's phases
 
+    def __post_init__(self) -> None:
+        """Raises: ValueError: where a number is outside its bounds."""
+        check_fields(self, "ReferenceConfig")
+
     def check(self) -> "ReferenceConfig":
         """Return self after checking track and sizes.
 

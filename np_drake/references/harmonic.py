@@ -6,6 +6,8 @@ import numpy as np
 import scipy
 
 from np_drake.compiled import compiled
+from np_drake.files.yaml_file import check_numbers
+from np_drake.references.base import require_positive
 from np_drake.references.ramp import compose, ramped_phase
 
 
@@ -19,6 +21,8 @@ class HarmonicTrack:
     """
 
     def __init__(self, center, amplitudes, shifts, *, speed: float, ramp: float):
+        require_positive("track", "m/s", speed=speed)
+        check_numbers("track: ramp", ramp, "s")
         self.center = np.array(center, float)
         self.amplitudes = np.array(amplitudes, float)
         self.shifts = np.array(shifts, float)
@@ -54,7 +58,9 @@ def circle(*, radius: float, height: float, speed: float, ramp: float) -> Harmon
         height: [m].
         speed: [m/s].
         ramp: time from rest to full speed [s].
+    Raises: ValueError: on an impossible size.
     """
+    require_positive("circle", "m", radius=radius)
     return HarmonicTrack(
         [0, 0, height], [[radius, radius, 0.0]], [[0.0, -np.pi / 2, 0.0]], speed=speed, ramp=ramp
     )
@@ -71,7 +77,9 @@ def lemniscate(
         height: [m].
         speed: mean along the track [m/s].
         ramp: time from rest to full speed [s].
+    Raises: ValueError: on an impossible size.
     """
+    require_positive("lemniscate", "m", length=length, width=width)
     return HarmonicTrack(
         [0, 0, height],
         [[length, 0.0, 0.0], [0.0, width, 0.0]],
@@ -94,7 +102,9 @@ def vertical_lemniscate(
         height: of the middle [m].
         speed: mean along the track [m/s].
         ramp: time from rest to full speed [s].
+    Raises: ValueError: on an impossible size.
     """
+    require_positive("vertical lemniscate", "m", length=length, rise=rise)
     return HarmonicTrack(
         [0, 0, height],
         [[length, 0.0, 0.0], [0.0, 0.0, rise]],

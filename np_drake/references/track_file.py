@@ -245,11 +245,11 @@ def _check_columns(table: Table) -> None:
     kind = "a trajectory" if TIME in table.columns else "waypoints; a trajectory has a column t too"
     known = KNOWN if TIME in table.columns else POSITION
     strange = [name for name in table.columns if name not in known]
-    whole = [
+    groups = [
         POSITION,
         *(group for group in (VELOCITY, ACCELERATION) if set(group) & set(table.columns)),
     ]
-    missing = [name for group in whole for name in group if name not in table.columns]
+    missing = [name for group in groups for name in group if name not in table.columns]
     if missing:
         raise table.error(
             f"must have the column {missing[0]}; its header names {', '.join(table.columns)}."

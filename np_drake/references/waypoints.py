@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
+from np_drake.references.base import require_positive
 from np_drake.references.ramp import compose, ramped_phase, rest_to_rest
 
 # largest acceleration of a move of 1 m in 1 s, by the polynomial of `rest_to_rest` [m/s²]
@@ -128,7 +129,10 @@ def square(*, radius: float, height: float, speed: float, rest: float, ramp: flo
         speed: see `Steps` [m/s].
         rest: at every corner [s].
         ramp: rest before the first move [s].
+    Raises: ValueError: on an impossible size.
     """
+    require_positive("square", "m", radius=radius)
+    require_positive("square", "m/s", speed=speed)
     side = radius / np.sqrt(2)
     corners = [[side * x, side * y, height] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
     return Steps(np.array(corners), speed=speed, rest=rest, start=ramp)

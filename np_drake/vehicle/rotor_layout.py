@@ -47,18 +47,18 @@ class RotorLayout:
         Raises: ValueError: if no rotor here is near one of the vehicle's, or one turns the other
             way.
         """
-        own = _scaled(self.positions)
+        scaled = _scaled(self.positions)
         other = _scaled(positions)
         order = min(
-            [list(order) for order in itertools.permutations(range(len(own)))],
-            key=lambda chosen: float(np.sum((own[chosen] - other) ** 2)),
+            [list(order) for order in itertools.permutations(range(len(scaled)))],
+            key=lambda chosen: float(np.sum((scaled[chosen] - other) ** 2)),
         )
-        apart = float(np.linalg.norm(own[order] - other, axis=1).max())
+        apart = float(np.linalg.norm(scaled[order] - other, axis=1).max())
         if apart > NEAR:
-            found = ", ".join(f"[{x:.3g}, {y:.3g}, 0]" for x, y in self.positions)
+            listed = ", ".join(f"[{x:.3g}, {y:.3g}, 0]" for x, y in self.positions)
             raise ValueError(
                 f"its rotors ({self.source}) must be where the vehicle file has them; one is "
-                f"{apart:.2g} arms away from the nearest. Write rotor_positions: [{found}], or "
+                f"{apart:.2g} arms away from the nearest. Write rotor_positions: [{listed}], or "
                 "measured ones."
             )
         turns = np.array(self.directions, float)[order]

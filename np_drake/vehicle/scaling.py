@@ -61,10 +61,10 @@ def ratios(vehicle: Vehicle) -> Scales:
     return over_paper(scales(vehicle))
 
 
-def over_paper(own: Scales) -> Scales:
+def over_paper(unit: Scales) -> Scales:
     """Return the units `own` over those of the paper's vehicle."""
     paper = scales(Vehicle())
-    return Scales(own.length / paper.length, own.mass / paper.mass, own.time / paper.time)
+    return Scales(unit.length / paper.length, unit.mass / paper.mass, unit.time / paper.time)
 
 
 def sampling_period(vehicle: Vehicle) -> float:

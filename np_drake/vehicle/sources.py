@@ -26,16 +26,16 @@ def values(vehicle: Any) -> dict[str, Any]:
 
     An optional section that the vehicle does not have stands by its own name, with None.
     """
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for field in dc.fields(vehicle):
         value = getattr(vehicle, field.name)
         if field.name in STATEMENTS:
             continue
         if dc.is_dataclass(value):
-            found |= {f"{field.name}.{name}": inner for name, inner in values(value).items()}
+            result |= {f"{field.name}.{name}": inner for name, inner in values(value).items()}
         else:
-            found[field.name] = value
-    return found
+            result[field.name] = value
+    return result
 
 
 def part(field: str, *index: int) -> str:
@@ -91,7 +91,8 @@ def without(statements: Mapping[str, Any], *fields: str) -> dict[str, Any]:
     """Return sources or intervals without those of some fields, or numbers of them, whose values
     were replaced.
     """
-    return {name: said for name, said in statements.items() if PART.match(name)[1] not in fields}  # type: ignore[index]
+    kept = (name for name in statements if PART.match(name)[1] not in fields)  # type: ignore[index]
+    return {name: statements[name] for name in kept}
 
 
 def _pairs(field: str, given: Any, value: Any) -> list[list[float]]:

@@ -73,9 +73,10 @@ def vehicle_text(vehicle: Vehicle, head: str = HEAD) -> str:
                 )
         elif field.name not in ("sources", "intervals"):
             lines += _lines(vehicle, {field.name: value})
-    for name, said in (("sources", vehicle.sources), ("intervals", vehicle.intervals)):
-        if said:
-            lines += [f"{name}:", *(f"  {field}: {_yaml(value)}" for field, value in said.items())]
+    for name, statements in (("sources", vehicle.sources), ("intervals", vehicle.intervals)):
+        if statements:
+            lines.append(f"{name}:")
+            lines += [f"  {field}: {_yaml(value)}" for field, value in statements.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -85,8 +86,8 @@ def stated(vehicle: Vehicle, field: str) -> bool:
     """
     section, dot, _ = field.partition(".")
     differs = getattr(vehicle, section) != getattr(Vehicle(), section)
-    said = any(name.startswith(f"{section}.") for name in (*vehicle.sources, *vehicle.intervals))
-    return not dot or differs or said
+    names = (*vehicle.sources, *vehicle.intervals)
+    return not dot or differs or any(name.startswith(f"{section}.") for name in names)
 
 
 def interval_text(pairs: list[list[float]]) -> str:
@@ -106,9 +107,9 @@ def _lines(vehicle: Vehicle, content: dict[str, Any], indent: str = "") -> list[
         text = value if field in CHOICES else _yaml(value)
         line = f"{indent}{field.rsplit('.', maxsplit=1)[-1]}: {text}"
         for name in parts_of(field, vehicle.sources | vehicle.intervals):
-            lines += _above(f"{name.removeprefix(field)}: {_said(vehicle, name)}", indent)
+            lines += _above(f"{name.removeprefix(field)}: {_statement(vehicle, name)}", indent)
         unit = f"[{UNITS[field]}]" if field in UNITS else CHOICES.get(field, "")
-        comment = f"{unit} {_said(vehicle, field)}".strip()
+        comment = f"{unit} {_statement(vehicle, field)}".strip()
         if comment and len(line) + len(comment) + 3 > WIDTH:
             lines += _above(comment, indent)
             comment = ""
@@ -116,12 +117,12 @@ def _lines(vehicle: Vehicle, content: dict[str, Any], indent: str = "") -> list[
     return lines
 
 
-def _said(vehicle: Vehicle, name: str) -> str:
+def _statement(vehicle: Vehicle, name: str) -> str:
     """Return source and interval of a field, or of one number of it."""
-    said = [vehicle.sources[name]] if name in vehicle.sources else []
+    parts = [vehicle.sources[name]] if name in vehicle.sources else []
     if name in vehicle.intervals:
-        said.append(f"95 %: {interval_text(vehicle.intervals[name])}")
-    return ", ".join(said)
+        parts.append(f"95 %: {interval_text(vehicle.intervals[name])}")
+    return ", ".join(parts)
 
 
 def _above(comment: str, indent: str) -> list[str]:
@@ -177,8 +178,9 @@ def vehicle_rows(name: str | Path) -> list[Row]:
             unit = UNITS.get(field, "") if value is not None else ""
             rows += _rows(field, value, unit, vehicle.intervals.get(field), source)
             for part in parts_of(field, vehicle.sources | vehicle.intervals):
-                said = vehicle.intervals.get(part), vehicle.sources.get(part, "")
-                rows += _rows(part, value_of(part, everything), unit, *said)
+                interval = vehicle.intervals.get(part)
+                text = vehicle.sources.get(part, "")
+                rows += _rows(part, value_of(part, everything), unit, interval, text)
     return rows
 
 

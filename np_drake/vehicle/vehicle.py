@@ -294,10 +294,14 @@ class Vehicle:
     # by field: 95 % [low, high] of each of its numbers
     intervals: Intervals = dc.field(default_factory=dict, compare=False)
 
-    def check(self) -> "Vehicle":
-        """Return self after checking all parameters; ValueError where one is impossible."""
+    def __post_init__(self) -> None:
+        """Raises: ValueError: where a number is outside its bounds."""
         self.input = ALIASES.get(self.input, self.input)
         check_fields(self, "Vehicle")
+
+    def check(self) -> "Vehicle":
+        """Return self after checking all parameters; ValueError where one is impossible."""
+        self.__post_init__()
         check_fields(self.measurement_noise, "MeasurementNoise")
         self.calibration.check()
         if self.throttle is not None:

@@ -79,7 +79,7 @@ def test_a_flight_without_a_payload_shows_none(flight, replay_page, tmp_path):
 
 def test_a_narrow_window_follows_the_vehicle_and_holds_its_payload(flight, page):
     dut = page.numbers
-    assert dut["whole"]  # a wide one shows all of the flight
+    assert dut["wide"]  # a wide one shows all of the flight
     assert dut["follow"]["path"] == ["drake", "quadrotor"]
     eye, fov = np.array(dut["follow"]["eye"]), np.deg2rad(75.0)  # Meshcat's camera
     assert np.linalg.norm(eye) * np.tan(fov / 2) > flight.config.reality.hung.length
