@@ -35,7 +35,7 @@ GROUND = (
 )
 EXPERIMENTS = (
     *("batch", "loop"),
-    *("random_flights", "training", "gap", "identification", "certify", "exports"),
+    *("random_flights", "training", "gap", "identification_page", "certify", "exports"),
     *("autopilot", "evidence", "demo", "cli"),
 )
 MOST_IMPORTS = 10  # of modules of the diagnosis by one of them; `diagnose` strings them together

@@ -27,7 +27,7 @@ from diagrams.cli.verb import (
     write_metrics,
 )
 from diagrams.evidence.studies.options import tabulate
-from diagrams.identification.identification_page import (
+from diagrams.identification_page import (
     agreement,
     change,
     half_width,

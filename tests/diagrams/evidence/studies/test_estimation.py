@@ -13,9 +13,7 @@ from np_drake.lifting.model.lifted_model import MODE_DICTIONARY as NP
 from np_drake.lifting.training.train import make_config, train
 from np_drake.logs.formats.neurobem import TESTS, TRAINING
 
-PUBLISHED = {flight: {} for flight, _ in dut.PUBLISHED.index}  # flight: method: column
-for (flight, method), row in dut.PUBLISHED.iterrows():
-    PUBLISHED[flight][method] = row
+PUBLISHED = {name: rows.droplevel(0).T for name, rows in dut.PUBLISHED.groupby("flight")}
 STEMS = {name: stem for stem, name in TESTS.items()}
 FLOWN = ("random points", "ellipse")  # one without a row of the published NP
 OWN = "2021-03-01-10-00-00_seg_1"  # a flight that the table does not have

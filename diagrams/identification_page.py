@@ -33,7 +33,7 @@ from np_drake.identification.quantities import QUANTITIES, Identified
 from np_drake.identification.validation import ERRORS, HORIZONS, HeldOut
 
 PAGE = "identification.html"
-TEMPLATE = Path(__file__).with_name("page.html.j2")
+TEMPLATE = Path(__file__).with_suffix(".html.j2")
 VEHICLE = "vehicle.yaml"
 
 

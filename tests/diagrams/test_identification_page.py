@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from diagrams.identification.identification_page import (
+from diagrams.identification_page import (
     agreement_figure,
     half_width,
     headline,
