@@ -179,32 +179,24 @@ def leapfrog(limit, half, now, move, kicks, drift, pulls):
         pulls: (n, 3, m) to be written [m].
     """
     for i in range(now.shape[1]):
+        kick_column = min(i, kicks.shape[2] - 1)
+        drift_column = min(i, drift.shape[2] - 1)
+        both = 2 * half[i]
+        kept = 1 - half[i]
+        more = 1 + half[i]
+        share = 1 / more
         x = now[0, i]
         y = now[1, i]
         z = now[2, i]
         u = move[0, i]
         v = move[1, i]
         w = move[2, i]
-        kick_column = min(i, kicks.shape[2] - 1)
-        drift_column = min(i, drift.shape[2] - 1)
-        both = 2 * half[i]
-        kept = 1 - half[i]
-        more = 1 + half[i]
-        share = 1 / (1 + half[i])
         square = x * x + y * y + z * z
         for k in range(len(kicks)):
             u = share * (kept * u + kicks[k, 0, kick_column] - both * drift[k, 0, drift_column])
             v = share * (kept * v + kicks[k, 1, kick_column] - both * drift[k, 1, drift_column])
             w = share * (kept * w + kicks[k, 2, kick_column] - both * drift[k, 2, drift_column])
-            a = x + u
-            b = y + v
-            c = z + w
-            along = x * a + y * b + z * c
-            far = a * a + b * b + c * c
-            mu = 0.0
-            if far > limit[i]:
-                excess = far - limit[i]
-                mu = max(0.0, excess / (along + np.sqrt(max(0.0, along * along - square * excess))))
+            mu, square = _tension((x, y, z), (x + u, y + v, z + w), square, limit[i])
             pull = more * mu
             pulls[k, 0, i] = pull * x
             pulls[k, 1, i] = pull * y
@@ -215,13 +207,31 @@ def leapfrog(limit, half, now, move, kicks, drift, pulls):
             x = x + u
             y = y + v
             z = z + w
-            square = min(far, limit[i])
         now[0, i] = x
         now[1, i] = y
         now[2, i] = z
         move[0, i] = u
         move[1, i] = v
         move[2, i] = w
+
+
+@compiled
+def _tension(now, ahead, square, limit):
+    """Return mu of `leapfrog`, and the square of the next position.
+
+    Args:
+        now: three numbers [m].
+        ahead: where a slack payload would go, three numbers [m].
+        square: of the position now [m²].
+        limit: square of the length [m²].
+    """
+    along = now[0] * ahead[0] + now[1] * ahead[1] + now[2] * ahead[2]
+    far = ahead[0] * ahead[0] + ahead[1] * ahead[1] + ahead[2] * ahead[2]
+    mu = 0.0
+    if far > limit:
+        excess = far - limit
+        mu = max(0.0, excess / (along + np.sqrt(max(0.0, along * along - square * excess))))
+    return mu, min(far, limit)
 
 
 def hanging(

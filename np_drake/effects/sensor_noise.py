@@ -2,12 +2,23 @@
 
 import dataclasses as dc
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from np_drake.compiled import compiled, turned
 from np_drake.effects.base import Measurement
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
+
+
+class _Deviations(NamedTuple):
+    """Standard deviations of the noise of `MeasurementNoise`."""
+
+    position: float  # [m]
+    attitude: float  # [rad]
+    velocity: float  # [m/s]
+    rate: float  # [rad/s]
+    acceleration: float  # [m/s²]
 
 
 @dc.dataclass(frozen=True)
@@ -30,42 +41,30 @@ class SensorNoise:
         n = self.noise
         x = np.empty(truth.x.shape)
         a = np.empty(truth.a.shape)
-        deviations = (n.position, n.attitude, n.velocity, n.rate, n.acceleration)
+        deviations = _Deviations(*(float(getattr(n, name)) for name in _Deviations._fields))
         rows = [
             np.ascontiguousarray(v, float).reshape(-1, v.shape[-1])
             for v in (truth.x, truth.a, white)
         ]
-        settings = (*map(float, deviations), float(vehicle.gravity))
-        _read(*rows, *settings, x.reshape(-1, 13), a.reshape(-1, 3))
+        gravity = float(vehicle.gravity)
+        _read(*rows, deviations, gravity, x.reshape(-1, 13), a.reshape(-1, 3))
         al = truth.al + n.angular_acceleration * white[..., 15:18]
         return Measurement(x=x, a=a, al=al, rotor=truth.rotor + self.rotor * white[..., 18:22])
 
 
 @compiled
-def _read(
-    truth,
-    a_true,
-    white,
-    position,
-    attitude,
-    velocity,
-    rate,
-    acceleration,
-    gravity,
-    states,
-    specific,
-):
+def _read(truth, a_true, white, noise, gravity, states, specific):
     """Write the noisy states (n, 13) and accelerations (n, 3) of `SensorNoise.measure`."""
-    half = 0.5 * attitude
+    half = 0.5 * noise.attitude
     for row in range(len(truth)):
         true = truth[row]
         drawn = white[row]
         x = states[row]
         a = specific[row]
         for k in range(3):
-            x[k] = true[k] + position * drawn[k]
-            x[7 + k] = true[7 + k] + velocity * drawn[6 + k]
-            x[10 + k] = true[10 + k] + rate * drawn[9 + k]
+            x[k] = true[k] + noise.position * drawn[k]
+            x[7 + k] = true[7 + k] + noise.velocity * drawn[6 + k]
+            x[10 + k] = true[10 + k] + noise.rate * drawn[9 + k]
         i = half * drawn[3]
         j = half * drawn[4]
         k = half * drawn[5]
@@ -84,8 +83,8 @@ def _read(
         x[6] = d / size
         felt = a_true[row]
         s_x, s_y, s_z = turned(q_w, -q_x, -q_y, -q_z, felt[0], felt[1], felt[2] + gravity)
-        s_x = s_x + acceleration * drawn[12]
-        s_y = s_y + acceleration * drawn[13]
-        s_z += acceleration * drawn[14]
+        s_x = s_x + noise.acceleration * drawn[12]
+        s_y = s_y + noise.acceleration * drawn[13]
+        s_z += noise.acceleration * drawn[14]
         a[0], a[1], a[2] = turned(x[3], x[4], x[5], x[6], s_x, s_y, s_z)
         a[2] -= gravity

@@ -17,6 +17,7 @@ slacks and the price on the swing are our own choice.
 
 import dataclasses as dc
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,6 +63,15 @@ class SoftRows:
         return _slacks(self.excess + self.jacobian @ d, self.kind)
 
 
+class _Sets(NamedTuple):
+    """Sizes of the soft sets."""
+
+    speed: float  # largest component of the velocity [m/s]
+    cosine: float  # least one of the tilt [1]
+    radius: float  # of the terminal ellipsoid [m]
+    softening: float  # keeps its norm smooth [m²]
+
+
 class Objective:
     """Cost, soft sets and merit of trajectories; it holds constants only.
 
@@ -76,7 +86,9 @@ class Objective:
         self._R = config.R if R is None else R
         stages = config.horizon
         self.kind = np.repeat(range(KINDS), [3 * stages, stages, 1])
-        self.softening = _SOFTENING * config.terminal_radius**2
+        radius = float(config.terminal_radius)
+        self.softening = _SOFTENING * radius**2
+        self._sets = _Sets(float(config.max_speed), self.min_cosine, radius, self.softening)
 
     def cost(self, h: Horizon, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> float:
         """Return the quadratic cost of tracking and swing, first stage included [1].
@@ -98,10 +110,8 @@ class Objective:
         Args:
             x: (N+1, 13).
         """
-        c = self.config
         excess = np.empty(4 * len(x) - 3)
-        sizes = (c.max_speed, self.min_cosine, c.terminal_radius)
-        _excess(x, h.x_ref[-1], h.P, *sizes, self.softening, excess)
+        _excess(x, h.x_ref[-1], h.P, self._sets, excess)
         return excess
 
     def slacks(self, excess: np.ndarray) -> np.ndarray:
@@ -163,20 +173,21 @@ def _energy(x, x_ref, P):
 
 
 @compiled
-def _excess(x, x_ref_end, P, max_speed, min_cosine, radius, softening, out):
+def _excess(x, x_ref_end, P, sets, out):
     """Write by how much x_1 … x_N leave velocity box (3N), tilt (N) and terminal ellipsoid to out
     (4N+1,).
     """
     n = len(x) - 1
     for i in range(n):
         for axis in range(3):
-            out[3 * i + axis] = abs(x[i + 1, 7 + axis]) - max_speed
+            out[3 * i + axis] = abs(x[i + 1, 7 + axis]) - sets.speed
         w = x[i + 1, 3]
         a = x[i + 1, 4]
         b = x[i + 1, 5]
         c = x[i + 1, 6]
-        out[3 * n + i] = min_cosine - (w * w - a * a - b * b + c * c)
-    out[4 * n] = math.sqrt(_energy(x[n], x_ref_end, P) / P[0, 0] + softening) - radius
+        out[3 * n + i] = sets.cosine - (w * w - a * a - b * b + c * c)
+    distance = math.sqrt(_energy(x[n], x_ref_end, P) / P[0, 0] + sets.softening)
+    out[4 * n] = distance - sets.radius
 
 
 @compiled

@@ -62,13 +62,14 @@ class PendulumBank:
         self._deviation[:, 3:6] = push[condition][:, None] * [1.0, 1.0, o.vertical]
         self._deviation[:, [6, 7]] = o.thrust_error.deviation, o.drag.deviation
         # Share of the distance to the prior that a parameter keeps in a step, (k, 8)
-        self._keep = np.tile(np.exp(-step / np.array(o.memory))[condition][:, None], (1, 8))
-        self._keep[:, 3:6] = np.exp(-step / np.array(o.push_time)[condition])[:, None]
+        keep = np.tile(np.exp(-step / np.array(o.memory))[condition][:, None], (1, 8))
+        keep[:, 3:6] = np.exp(-step / np.array(o.push_time)[condition])[:, None]
         # Variance that a step adds, (k, SIZE): the parameters keep their prior deviation
         swing = np.array(o.swing_noise)[condition] * step / self.lengths**2
-        self._noise = np.zeros((count, kernel.SIZE))
-        self._noise[:, 2:4] = swing[:, None]
-        self._noise[:, 4:] = (1 - self._keep**2) * self._deviation**2
+        noise = np.zeros((count, kernel.SIZE))
+        noise[:, 2:4] = swing[:, None]
+        noise[:, 4:] = (1 - keep**2) * self._deviation**2
+        self._dynamics = kernel.Dynamics(float(step), self._prior, keep, noise)
         self._rise = (push * o.vertical) ** 2  # variance of the slow force upwards, (3,) [m²/s⁴]
         # Probability of a change from one condition to another in a step, (3, 3)
         leave = 1 - np.exp(-step / np.array(o.duration))
@@ -114,16 +115,7 @@ class PendulumBank:
             memory["mean"], memory["covariance"], memory["weight"], self._transition, self._rise
         )
         predicted, spread, updated, narrowed, likelihood, distance = kernel.filter_bank(
-            mean,
-            covariance,
-            drive,
-            now,
-            self.step,
-            self._prior,
-            self._keep,
-            self._noise,
-            label,
-            variance,
+            mean, covariance, drive, now, self._dynamics, kernel.Label(label, variance)
         )
         if not finite(label):
             return {"mean": predicted, "covariance": spread, "weight": weight}

@@ -3,6 +3,7 @@ between two samples.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,24 +54,28 @@ def drives(before, x, hook, over_step, now, step):
     return drive, end
 
 
+class Carrier(NamedTuple):
+    """What a forecast takes from the vehicle under which the payload hangs."""
+
+    hook: np.ndarray  # (3,) p_BoTo_B [m]
+    mass: float  # [kg]
+    gravity: float  # [m/s²]
+    steady: np.ndarray  # (3,) torque [N·m]
+    rate_torque: np.ndarray  # (3,) torque over body rates [N·m·s]
+    speed_torque: np.ndarray  # (2,) over velocity [N·s]
+
+
+class Timing(NamedTuple):
+    """Steps of a plan, and what the rotors' lag makes of them."""
+
+    step: float  # of the plan [s]
+    stride: int  # of the pendulum's steps in it [1]
+    mean_decay: float  # share of a difference that the lag leaves over a step [1]
+    decay: float  # at its end [1]
+
+
 @compiled
-def along_plan(
-    points,
-    weight,
-    x,
-    u,
-    acting,
-    steady,
-    rate_torque,
-    speed_torque,
-    hook,
-    mass,
-    gravity,
-    step,
-    stride,
-    mean_decay,
-    decay,
-):
+def along_plan(points, weight, x, u, acting, carrier, timing):
     """Return the wrench (N, 6) along a plan, the mean of all members over each of its steps [N,
     N·m].
 
@@ -80,24 +85,15 @@ def along_plan(
         x: (N+1, 13) of the plan.
         u: (N, 4) of the plan [N, N·m].
         acting: (4,) wrench of the rotors now [N, N·m].
-        steady: (3,) torque [N·m].
-        rate_torque: (3,) [N·m·s].
-        speed_torque: (2,) [N·s].
-        hook: (3,) p_BoTo_B [m].
-        mass: of the vehicle [kg].
-        gravity: [m/s²].
-        step: of the plan [s].
-        stride: of the pendulum's steps in it [1].
-        mean_decay: share of a difference that the rotors' lag leaves over a step [1].
-        decay: at its end [1].
+        carrier: `Carrier`.
+        timing: `Timing`.
     """
     n = len(u)
-    members = len(points)
     wrench = np.empty((n, 6))
     mean = np.zeros(points.shape[1])
-    for i in range(members):
+    for i in range(len(points)):
         mean += weight[i] * points[i]
-    pull = _pulls(points, weight, x, hook, gravity, step, stride)
+    pull = _pulls(points, weight, x, carrier, timing)
     z = np.zeros(3)
     behind = acting.copy()
     error = mean[THRUST_ERROR]
@@ -105,16 +101,16 @@ def along_plan(
         q = x[i, 3:7] + x[i + 1, 3:7]
         q /= math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
         missing = behind - u[i]
-        lag = mean_decay * missing
-        behind = u[i] + decay * missing
+        lag = timing.mean_decay * missing
+        behind = u[i] + timing.decay * missing
         _body_z(q[0], q[1], q[2], q[3], z)
         thrust = (1.0 + error) * lag[0] + error * u[i, 0]
         drag = 0.5 * mean[DRAG] * (x[i, 7:10] + x[i + 1, 7:10])
-        wrench[i, :3] = mass * (pull[i] + mean[PUSH : PUSH + 3] - drag) + thrust * z
-        _hook_torque(q, hook, mass * pull[i], wrench[i])
-        start = motion_torque(x[i], rate_torque, speed_torque)
-        end = motion_torque(x[i + 1], rate_torque, speed_torque)
-        wrench[i, 3:] += lag[1:] + steady + 0.5 * (start + end)
+        wrench[i, :3] = carrier.mass * (pull[i] + mean[PUSH : PUSH + 3] - drag) + thrust * z
+        _hook_torque(q, carrier.hook, carrier.mass * pull[i], wrench[i])
+        start = motion_torque(x[i], carrier.rate_torque, carrier.speed_torque)
+        end = motion_torque(x[i + 1], carrier.rate_torque, carrier.speed_torque)
+        wrench[i, 3:] += lag[1:] + carrier.steady + 0.5 * (start + end)
     return wrench
 
 
@@ -135,56 +131,69 @@ def motion_torque(state, rate_torque, speed_torque):
 
 
 @compiled
-def _pulls(points, weight, x, hook, gravity, step, stride):
+def _pulls(points, weight, x, carrier, timing):
     """Return the mean pull of the tethers over each step of a plan, (N, 3) [m/s²]."""
     n = len(x) - 1
     members = len(points)
-    fine = step / stride
-    v = np.zeros((n + 1, 3))
-    turn = np.zeros(3)
-    fall = np.array([0.0, 0.0, gravity])
-    for i in range(n + 1):
-        _turning(x[i], hook, turn)
-        v[i] = x[i, 7:10] + turn
-    kicks = np.zeros((n * stride, 3, 1))
-    drift = np.zeros((n * stride, 3, 1))
-    for i in range(n):
-        for j in range(stride):
-            at = i * stride + j
-            change = v[i + 1] - v[i]
-            kicks[at, :, 0] = -(fine**2) * (change / step + fall)
-            drift[at, :, 0] = fine * (v[i] + (j + 0.5) / stride * change)
+    fine = timing.step / timing.stride
+    kicks = np.zeros((n * timing.stride, 3, 1))
+    drift = np.zeros((n * timing.stride, 3, 1))
+    _hook_motion(x, carrier, timing, kicks, drift)
     limit = np.zeros(members)
     half = np.zeros(members)
     now = np.zeros((3, members))
     move = np.zeros((3, members))
     for i in range(members):
-        p = points[i]
-        length = math.exp(points[i, LOG_LENGTH])
-        limit[i], half[i] = length**2, 0.5 * fine * max(p[DAMPING], 0.0)
-        w0, w1, w2 = tether_rate(p)
-        a = fine * length * w0
-        b = fine * length * w1
-        c = fine * length * w2
-        r0 = length * p[0] + 0.5 * a
-        r1 = length * p[1] + 0.5 * b
-        r2 = length * p[2] + 0.5 * c
-        reach = min(1.0, length / math.sqrt(r0 * r0 + r1 * r1 + r2 * r2))
-        now[0, i] = reach * r0
-        now[1, i] = reach * r1
-        now[2, i] = reach * r2
-        move[0, i] = a
-        move[1, i] = b
-        move[2, i] = c
-    pulls = np.empty((n * stride, 3, members))
+        limit[i] = math.exp(points[i, LOG_LENGTH]) ** 2
+        half[i] = 0.5 * fine * max(points[i, DAMPING], 0.0)
+        _begin(points[i], fine, now[:, i], move[:, i])
+    pulls = np.empty((n * timing.stride, 3, members))
     # Leapfrog of all members, the tether's length kept by projection at every step
     leapfrog(limit, half, now, move, kicks, drift, pulls)
     mean_pull = np.zeros((n, 3))
     for i in range(members):
-        share = weight[i] * points[i, MASS] / (fine**2 * stride)
-        for row in range(n * stride):
-            mean_pull[row // stride] += share * pulls[row, :, i]
+        share = weight[i] * points[i, MASS] / (fine**2 * timing.stride)
+        for row in range(n * timing.stride):
+            mean_pull[row // timing.stride] += share * pulls[row, :, i]
     return mean_pull
+
+
+@compiled
+def _hook_motion(x, carrier, timing, kicks, drift):
+    """Write what the hook's acceleration and velocity do in each fine step of a plan, (n, 3, 1)
+    each [m], as `leapfrog` takes them.
+    """
+    n = len(x) - 1
+    fine = timing.step / timing.stride
+    v = np.zeros((n + 1, 3))
+    turn = np.zeros(3)
+    fall = np.array([0.0, 0.0, carrier.gravity])
+    for i in range(n + 1):
+        _turning(x[i], carrier.hook, turn)
+        v[i] = x[i, 7:10] + turn
+    for i in range(n):
+        change = v[i + 1] - v[i]
+        for j in range(timing.stride):
+            row = i * timing.stride + j
+            kicks[row, :, 0] = -(fine**2) * (change / timing.step + fall)
+            drift[row, :, 0] = fine * (v[i] + (j + 0.5) / timing.stride * change)
+
+
+@compiled
+def _begin(point, fine, now, move):
+    """Write the position half a fine step later, within reach, and the displacement per step, (3,)
+    each [m].
+    """
+    length = math.exp(point[LOG_LENGTH])
+    rate = tether_rate(point)
+    square = 0.0
+    for k in range(3):
+        move[k] = fine * length * rate[k]
+        now[k] = length * point[k] + 0.5 * move[k]
+        square += now[k] * now[k]
+    reach = min(1.0, length / math.sqrt(square))
+    for k in range(3):
+        now[k] = reach * now[k]
 
 
 @compiled
@@ -216,26 +225,24 @@ def _hook_torque(q, hook, force, out):
 
 
 @compiled
-def beside_plan(mean, x, hook, mass, gravity, step, along):
+def beside_plan(mean, x, carrier, step, along):
     """Return A (4, 4), B (4, 6) and C (6, 4) of the pendulum for what departs from the plan, and
     the wrench along it (N, 6) without what the pendulum makes of the planned velocity [N, N·m].
 
     Args:
         mean: (POINT,) of the members.
         x: (N+1, 13) of the plan.
-        hook: (3,) p_BoTo_B [m].
-        mass: of the vehicle [kg].
-        gravity: [m/s²].
+        carrier: `Carrier`.
         step: of the plan [s].
         along: (N, 6) wrench along the plan [N, N·m].
     """
-    stiffness = gravity / math.exp(mean[LOG_LENGTH])
+    stiffness = carrier.gravity / math.exp(mean[LOG_LENGTH])
     A, B, gain = linear_pendulum(stiffness, max(mean[DAMPING], 0.0), step)
     C = np.zeros((6, 4))
     out = along.copy()
     for k in range(2):
-        C[k, k] = mass * max(mean[MASS], 0.0) * stiffness
-        _hook_torque(x[0, 3:7], hook, C[:3, k], C[:, k])
+        C[k, k] = carrier.mass * max(mean[MASS], 0.0) * stiffness
+        _hook_torque(x[0, 3:7], carrier.hook, C[:3, k], C[:, k])
     z = np.zeros(4)
     nxt = np.zeros(4)
     for i in range(1, len(out)):

@@ -17,6 +17,7 @@ that of training.
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,8 +36,6 @@ LONGEST_MEAN = 10.0
 # rounding never makes the gram singular.
 FINEST = 1e-5
 MEMORY = 20.0  # over which samples count, as parameters of the bank [s]
-# of the memory, by the next sample
-READ = "levels", "errors", "torques", "columns", "gram", "right"
 
 
 @lru_cache(maxsize=16)
@@ -96,74 +95,76 @@ def next_shift(
     """
     deviation = length_unit * DEVIATION
     column = attitude.skew(-pull)  # of shift x pull over the shift
-    before = (memory[name] for name in READ)
-    finest = (FINEST * deviation) ** 2
-    after = _regress(gains_of(step), *before, rest, column, doubt, step, deviation, finest)
-    return dict(zip((*READ, "shift", "steady"), after, strict=True))
+    before = _Regression(*(memory[name] for name in _Regression._fields))
+    sample = _Torque(rest, column, doubt)
+    constants = _Constants(gains_of(step), step, deviation, (FINEST * deviation) ** 2)
+    after, shift, steady = _regress(before, sample, constants)
+    return {**after._asdict(), "shift": shift, "steady": steady}
+
+
+class _Regression(NamedTuple):
+    """Memory of the regression, as of `initial_shift`."""
+
+    levels: np.ndarray  # (g, 3) [N·m]
+    errors: np.ndarray  # (g, 3) [N²·m²]
+    torques: np.ndarray  # (1,) seen
+    columns: np.ndarray  # (g, 3, 3) [N]
+    gram: np.ndarray  # (3, 3) [1/m²]
+    right: np.ndarray  # (3,) [1/m]
+
+
+class _Torque(NamedTuple):
+    """One sample of the regression."""
+
+    rest: np.ndarray  # (3,) torque that the trained hook leaves [N·m]
+    column: np.ndarray  # (3, 3) torque over the shift [N]
+    doubt: np.ndarray  # (3,) variance of the rest by the pull [N²·m²]
+
+
+class _Constants(NamedTuple):
+    """Constants of the regression."""
+
+    gains: np.ndarray  # (g, 1) of the filters [1]
+    step: float  # between samples [s]
+    deviation: float  # prior one of the shift [m]
+    finest: float  # least variance of a torque over its column squared [m²]
 
 
 @compiled
-def _regress(
-    gains,
-    levels,
-    errors,
-    torques,
-    columns,
-    gram,
-    right,
-    rest,
-    column,
-    doubt,
-    step,
-    deviation,
-    finest,
-):
-    """Return the arrays `READ`, shift and steady of the memory after one more rest.
-
-    Args:
-        gains: (g,) of the filters [1].
-        levels: (g, 3) as of `initial_shift`, like the next five [N·m].
-        errors: (g, 3) [N²·m²].
-        torques: (1,) seen.
-        columns: (g, 3, 3) [N].
-        gram: (3, 3) [1/m²].
-        right: (3,) [1/m].
-        rest: (3,) torque that the trained hook leaves [N·m].
-        column: (3, 3) torque over the shift [N].
-        doubt: (3,) variance of the rest by the pull [N²·m²].
-        step: between samples [s].
-        deviation: prior one of the shift [m].
-        finest: least variance of a torque over its column squared [m²].
-    """
+def _regress(before, sample, constants):
+    """Return the memory after one more torque, with shift [m] and steady torque [N·m]."""
+    step = constants.step
     keep = math.exp(-step / MEMORY)
-    gram = keep * gram
-    right = keep * right
-    weight, variance = _followed(errors, torques, step)
-    if torques[0] > 2 and np.all(variance > 0):
+    gram = keep * before.gram
+    right = keep * before.right
+    weight, variance = _followed(before.errors, before.torques, step)
+    if before.torques[0] > 2 and np.all(variance > 0):
         for k in range(3):
-            level, usual = _on_axis(k, weight, levels, columns)
-            X = column[k] - usual
-            share = 1.0 / max(variance[k] + doubt[k], finest * np.sum(X**2))
+            level, usual = _on_axis(k, weight, before.levels, before.columns)
+            X = sample.column[k] - usual
+            least = constants.finest * np.sum(X**2)
+            share = 1.0 / max(variance[k] + sample.doubt[k], least)
             # Ridge with forgetting: gram = sum of share X X', right = sum of share X (rest - level)
             gram += share * np.outer(X, X)
-            right += share * (rest[k] - level) * X
-    torques = torques + 1
+            right += share * (sample.rest[k] - level) * X
+    torques = before.torques + 1
     # no filter forecast the first
-    error = rest - levels
+    error = sample.rest - before.levels
     share = 0.0
     if torques[0] > 1:
         share = max(step / LONGEST_MEAN, 1.0 / (torques[0] - 1))
-    levels = levels + np.maximum(gains, 1.0 / torques[0]) * error
-    errors = errors + share * (error**2 - errors)
-    columns = columns + np.maximum(gains, 1.0 / torques[0]).reshape(-1, 1, 1) * (column - columns)
+    gains = np.maximum(constants.gains, 1.0 / torques[0])
+    levels = before.levels + gains * error
+    errors = before.errors + share * (error**2 - before.errors)
+    columns = before.columns + gains.reshape(-1, 1, 1) * (sample.column - before.columns)
     steady = np.empty(3)
-    inverse, _ = inverted(gram + np.eye(3) / deviation**2)
+    inverse, _ = inverted(gram + np.eye(3) / constants.deviation**2)
     shift = inverse @ right
     weight, _ = _followed(errors, torques, step)
     for k in range(3):
         level, usual = _on_axis(k, weight, levels, columns)
         steady[k] = level - np.sum(usual * shift)
-    return levels, errors, torques, columns, gram, right, shift, steady
+    return _Regression(levels, errors, torques, columns, gram, right), shift, steady
 
 
 @compiled

@@ -23,6 +23,7 @@ Source: Nørgaard, Poulsen, Ravn 2000 (filter DD2).
 """  # noqa: E501
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,8 +48,24 @@ LEAST_MASS = -0.5  # of a share that the differences try [1]
 TINY = 1e-12  # least pivot of a covariance [units of the error, squared]
 
 
+class Dynamics(NamedTuple):
+    """How k pendulums change in a step, besides by their swing."""
+
+    step: float  # [s]
+    prior: np.ndarray  # (k, 8) to which the parameters return
+    keep: np.ndarray  # (k, 8) share that they keep in a step [1]
+    noise: np.ndarray  # (k, SIZE) variance added in a step
+
+
+class Label(NamedTuple):
+    """A measured force."""
+
+    force: np.ndarray  # (3,) [m/s²]
+    variance: np.ndarray  # (3,) of its noise [m²/s⁴]
+
+
 @compiled
-def filter_bank(mean, covariance, drive, now, step, prior, keep, noise, label, label_variance):
+def filter_bank(mean, covariance, drive, now, dynamics, label):
     """Predict k pendulums over a step and take in one label.
 
     Args:
@@ -57,12 +74,8 @@ def filter_bank(mean, covariance, drive, now, step, prior, keep, noise, label, l
         drive: (9,) mean over the last step, in W: lift along body z, velocity of the hook, and its
             acceleration by turning [m/s², m/s, m/s²].
         now: (9,) the same at its end.
-        step: [s].
-        prior: (k, 8) to which the parameters return.
-        keep: (k, 8) share that they keep in a step [1].
-        noise: (k, SIZE) variance added in a step.
-        label: (3,) measured force [m/s²].
-        label_variance: (3,) of its noise [m²/s⁴].
+        dynamics: `Dynamics` of the k pendulums.
+        label: `Label`.
     Returns: points (k, POINT) and covariances (k, SIZE, SIZE) before the label, and with it; the
         logarithm of its likelihood (k,), and its squared normalised innovation (k,) [1].
     """
@@ -73,19 +86,9 @@ def filter_bank(mean, covariance, drive, now, step, prior, keep, noise, label, l
     likelihood = np.empty(len(mean))
     distance = np.empty(len(mean))
     for i in range(len(mean)):
-        _predict(
-            mean[i],
-            covariance[i],
-            drive,
-            step,
-            prior[i],
-            keep[i],
-            noise[i],
-            predicted[i],
-            spread[i],
-        )
+        _predict(mean[i], covariance[i], drive, dynamics, i, predicted[i], spread[i])
         likelihood[i], distance[i] = _update(
-            predicted[i], spread[i], now, label, label_variance, updated[i], narrowed[i]
+            predicted[i], spread[i], now, label, updated[i], narrowed[i]
         )
     return predicted, spread, updated, narrowed, likelihood, distance
 
@@ -114,40 +117,67 @@ def pull_moments(mean, weight, now):
 
 
 @compiled
-def _predict(mean, covariance, drive, step, prior, keep, noise, out, out_covariance):
+def _predict(mean, covariance, drive, dynamics, i, out, out_covariance):
+    prior = dynamics.prior[i]
+    keep = dynamics.keep[i]
     root = np.zeros((SIZE, SIZE))
     _cholesky(covariance, root)
     out[:] = mean
-    _advance(out, drive, step, prior, keep)
+    _advance(out, drive, dynamics.step, prior, keep)
     plus = np.zeros((SIZE, SIZE))
     minus = np.zeros((SIZE, SIZE))
     point = np.zeros(POINT)
-    width = math.sqrt(SPREAD)
     error = np.zeros(SIZE)
+    width = math.sqrt(SPREAD)
     for j in range(SIZE):
         for sign in (1.0, -1.0):
             for k in range(SIZE):
                 error[k] = sign * width * root[k, j]
             displace(mean, error, point)
-            _advance(point, drive, step, prior, keep)
+            _advance(point, drive, dynamics.step, prior, keep)
             difference(out, point, plus[j] if sign > 0 else minus[j])
     _moments(plus, minus, error, out_covariance)
     for k in range(SIZE):
-        out_covariance[k, k] += noise[k]
+        out_covariance[k, k] += dynamics.noise[i, k]
     displace(out, error, point)
     out[:] = point
 
 
 @compiled
-def _update(mean, covariance, now, label, label_variance, out, out_covariance):
+def _update(mean, covariance, now, label, out, out_covariance):
     root = np.zeros((SIZE, SIZE))
     _cholesky(covariance, root)
     centre = np.zeros(3)
-    force = np.zeros(3)
     _measure(mean, now, centre)
     plus = np.zeros((SIZE, 3))
     minus = np.zeros((SIZE, 3))
+    _label_differences(mean, root, now, centre, plus, minus)
+    innovation = np.zeros(3)
+    spread = np.zeros((3, 3))
+    _moments(plus, minus, innovation, spread)
+    for k in range(3):
+        spread[k, k] += label.variance[k]
+        innovation[k] = label.force[k] - centre[k] - innovation[k]
+    inverse, determinant = inverted(spread)
+    distance = 0.0
+    for k in range(3):  # loops, as a call of BLAS costs more than products this small
+        for a in range(3):
+            distance += innovation[k] * inverse[k, a] * innovation[a]
+    error = np.zeros(SIZE)
+    _correct(covariance, _cross(root, plus, minus), inverse, innovation, error, out_covariance)
+    _keep_mass_positive(mean, error, out_covariance)
+    displace(mean, error, out)
+    out[DAMPING] = max(out[DAMPING], 0.0)
+    return -0.5 * (distance + math.log(determinant)), distance
+
+
+@compiled
+def _label_differences(mean, root, now, centre, plus, minus):
+    """Write the differences (SIZE, 3) of the label from that of the mean, along the columns of the
+    root.
+    """
     point = np.zeros(POINT)
+    force = np.zeros(3)
     error = np.zeros(SIZE)
     width = math.sqrt(SPREAD)
     for j in range(SIZE):
@@ -159,28 +189,27 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
             side = plus if sign > 0 else minus
             for k in range(3):
                 side[j, k] = force[k] - centre[k]
-    shift = np.zeros(3)
-    spread = np.zeros((3, 3))
-    _moments(plus, minus, shift, spread)
-    innovation = np.zeros(3)
-    for k in range(3):
-        spread[k, k] += label_variance[k]
-        innovation[k] = label[k] - centre[k] - shift[k]
+
+
+@compiled
+def _cross(root, plus, minus):
+    """Return the covariance (SIZE, 3) of point and label, by divided differences along the root."""
     cross = np.zeros((SIZE, 3))
     for j in range(SIZE):
         for k in range(3):
-            slope = (plus[j, k] - minus[j, k]) / (2.0 * width)
+            slope = (plus[j, k] - minus[j, k]) / (2.0 * math.sqrt(SPREAD))
             for row in range(j, SIZE):
                 cross[row, k] += root[row, j] * slope
-    # Kalman update: K = P_xy S^-1, x + K (y - y_hat), P - K P_xy'; P_xy by divided differences
-    # along P's root
-    inverse, determinant = inverted(spread)
+    return cross
+
+
+@compiled
+def _correct(covariance, cross, inverse, innovation, error, out_covariance):
+    """Write the correction (SIZE,) by an innovation (3,), and the covariance after it.
+
+    Kalman update: K = P_xy S^-1, x + K (y - y_hat), P - K P_xy'.
+    """
     gain = np.zeros(3)
-    distance = 0.0
-    error[:] = 0.0
-    for k in range(3):  # loops, as a call of BLAS costs more than products this small
-        for a in range(3):
-            distance += innovation[k] * inverse[k, a] * innovation[a]
     for row in range(SIZE):
         gain[:] = 0.0
         for k in range(3):
@@ -192,10 +221,6 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
             for k in range(3):
                 kept -= gain[k] * cross[column, k]
             out_covariance[row, column] = out_covariance[column, row] = kept
-    _keep_mass_positive(mean, error, out_covariance)
-    displace(mean, error, out)
-    out[DAMPING] = max(out[DAMPING], 0.0)
-    return -0.5 * (distance + math.log(determinant)), distance
 
 
 @compiled
@@ -285,9 +310,7 @@ def displace(point, error, out):
     """
     n = point[0:3]
     e = point[3:6]
-    f0 = n[1] * e[2] - n[2] * e[1]
-    f1 = n[2] * e[0] - n[0] * e[2]
-    f2 = n[0] * e[1] - n[1] * e[0]
+    f0, f1, f2 = _third_axis(point)
     a = error[0]
     b = error[1]
     angle = math.sqrt(a * a + b * b)
@@ -331,9 +354,7 @@ def difference(origin, point, out):
     """
     n = origin[0:3]
     e = origin[3:6]
-    f0 = n[1] * e[2] - n[2] * e[1]
-    f1 = n[2] * e[0] - n[0] * e[2]
-    f2 = n[0] * e[1] - n[1] * e[0]
+    f0, f1, f2 = _third_axis(origin)
     x = point[0] * e[0] + point[1] * e[1] + point[2] * e[2]
     y = point[0] * f0 + point[1] * f1 + point[2] * f2
     z = point[0] * n[0] + point[1] * n[1] + point[2] * n[2]
@@ -349,13 +370,17 @@ def difference(origin, point, out):
 
 
 @compiled
+def _third_axis(p):
+    """Return tether x across of a point."""
+    return p[1] * p[5] - p[2] * p[4], p[2] * p[3] - p[0] * p[5], p[0] * p[4] - p[1] * p[3]
+
+
+@compiled
 def tether_rate(p):
     """Return the rate of the tether in W [rad/s]."""
     a = p[6]
     b = p[7]
-    f0 = p[1] * p[5] - p[2] * p[4]
-    f1 = p[2] * p[3] - p[0] * p[5]
-    f2 = p[0] * p[4] - p[1] * p[3]
+    f0, f1, f2 = _third_axis(p)
     return a * p[3] + b * f0, a * p[4] + b * f1, a * p[5] + b * f2
 
 
@@ -374,12 +399,12 @@ def _advance(p, drive, step, prior, keep):
     """
     length = math.exp(p[LOG_LENGTH])
     damping = max(p[DAMPING], 0.0)
-    b0 = _felt(p, drive, 0) + damping * drive[3]
-    b1 = _felt(p, drive, 1) + damping * drive[4]
-    b2 = _felt(p, drive, 2) + damping * drive[5]
-    w0, w1, w2 = tether_rate(p)
-    half = 0.5 * step
-    w0, w1, w2 = _kick(p, w0, w1, w2, b0, b1, b2, length, damping, half)
+    push = (
+        _felt(p, drive, 0) + damping * drive[3],
+        _felt(p, drive, 1) + damping * drive[4],
+        _felt(p, drive, 2) + damping * drive[5],
+    )
+    w0, w1, w2 = _kick(p, tether_rate(p), push, length, damping, 0.5 * step)
     speed = math.sqrt(w0 * w0 + w1 * w1 + w2 * w2)
     near = math.cos(speed * step)
     sine = math.sin(speed * step)
@@ -390,30 +415,31 @@ def _advance(p, drive, step, prior, keep):
     p[0] = near * n0 + along * w0
     p[1] = near * n1 + along * w1
     p[2] = near * n2 + along * w2
-    w0 = near * w0 - speed * sine * n0
-    w1 = near * w1 - speed * sine * n1
-    w2 = near * w2 - speed * sine * n2
-    w0, w1, w2 = _kick(p, w0, w1, w2, b0, b1, b2, length, damping, half)
+    turned = (
+        near * w0 - speed * sine * n0,
+        near * w1 - speed * sine * n1,
+        near * w2 - speed * sine * n2,
+    )
+    w0, w1, w2 = _kick(p, turned, push, length, damping, 0.5 * step)
     _across(p, p[3:6])
     p[6] = w0 * p[3] + w1 * p[4] + w2 * p[5]
-    f0 = p[1] * p[5] - p[2] * p[4]
-    f1 = p[2] * p[3] - p[0] * p[5]
-    f2 = p[0] * p[4] - p[1] * p[3]
+    f0, f1, f2 = _third_axis(p)
     p[7] = w0 * f0 + w1 * f1 + w2 * f2
     for k in range(len(prior)):
         p[FIRST + k] = prior[k] + keep[k] * (p[FIRST + k] - prior[k])
 
 
 @compiled
-def _kick(p, w0, w1, w2, b0, b1, b2, length, damping, span):
-    """Return the rate of the tether after its acceleration acted for `span` [s]."""
-    along = b0 * p[0] + b1 * p[1] + b2 * p[2]
-    kept = 1.0 / (1.0 + span * damping)  # implicit, so that no damping is unstable
+def _kick(p, rate, push, length, damping, span):
+    """Return the rate of the tether after its acceleration by `push` acted for `span` [s]."""
+    along = push[0] * p[0] + push[1] * p[1] + push[2] * p[2]
+    # implicit, so that no damping is unstable
+    kept = 1.0 / (1.0 + span * damping)
     pushed = span / length
     return (
-        kept * (w0 - pushed * (b0 - along * p[0])),
-        kept * (w1 - pushed * (b1 - along * p[1])),
-        kept * (w2 - pushed * (b2 - along * p[2])),
+        kept * (rate[0] - pushed * (push[0] - along * p[0])),
+        kept * (rate[1] - pushed * (push[1] - along * p[1])),
+        kept * (rate[2] - pushed * (push[2] - along * p[2])),
     )
 
 

@@ -14,7 +14,14 @@ from np_drake.payload_filter import kernel
 from np_drake.payload_filter.actuator_lag import decays_of, initial_lag, next_lag
 from np_drake.payload_filter.bank_options import Prior
 from np_drake.payload_filter.filter_bank import PendulumBank
-from np_drake.payload_filter.forecast import along_plan, beside_plan, drives, motion_torque
+from np_drake.payload_filter.forecast import (
+    Carrier,
+    Timing,
+    along_plan,
+    beside_plan,
+    drives,
+    motion_torque,
+)
 from np_drake.payload_filter.hook import initial_shift, next_shift, torque_doubt
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.residual_model import Memory, Plan, Sample, WrenchForecast
@@ -183,26 +190,17 @@ class PayloadFilter:
         weight = memory["weight"][likely] / memory["weight"][likely].sum()
         points = memory["mean"][likely]
         step = stride * self.step
-        hook = self._hook + memory["shift"]
-        mass = self.model.mass
-        gravity = self.model.gravity
-        wrench = along_plan(
-            points,
-            weight,
-            plan.x,
-            plan.u,
-            memory["acting"],
+        carrier = Carrier(
+            self._hook + memory["shift"],
+            self.model.mass,
+            self.model.gravity,
             memory["steady"],
             self.model.rate_torque,
             self.model.speed_torque,
-            hook,
-            mass,
-            gravity,
-            step,
-            stride,
-            *lag_shares(memory["lag"][0], step),
         )
-        A, B, C, offset = beside_plan(weight @ points, plan.x, hook, mass, gravity, step, wrench)
+        timing = Timing(step, stride, *lag_shares(memory["lag"][0], step))
+        wrench = along_plan(points, weight, plan.x, plan.u, memory["acting"], carrier, timing)
+        A, B, C, offset = beside_plan(weight @ points, plan.x, carrier, step, wrench)
         return WrenchForecast(A, B, C, np.zeros(4), offset)
 
 

@@ -1,5 +1,6 @@
 """Multi-step prediction error of residual models on one flight, beside naive predictors."""
 
+import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -31,20 +32,18 @@ UNTRAINED = (*NAIVE, "past mean")  # rows of every table
 
 def skill_table(
     models: dict[str, ResidualModel],
-    chi: np.ndarray,
-    zeta: np.ndarray,
+    segment: Segment,
     *,
     horizons: list[int],
     mean: np.ndarray,
-    target: np.ndarray | None = None,
     motion: str = KNOWN,
     warm_up: int = 40,
-    flight: str = "flight",
     seen: Mapping[str, SampledFlight] = MappingProxyType({}),
 ) -> list[dict[str, Any]]:
     """Return the rows of all models and naive predictors, horizon by horizon.
 
-    flight, model, horizon [steps], and of force and torque each (`force_rmse` …):
+    flight (the segment's name), model, horizon [steps], and of force and torque each
+    (`force_rmse` …):
 
     rmse: of the norm over all origins [N, N·m].
     skill: RMSE over that of the best naive row at that horizon [1].
@@ -53,27 +52,26 @@ def skill_table(
         large one.
 
     Args:
-        chi: (n, 6) labels as the models see them [N, N·m].
-        zeta: (n, 6) [m/s, rad/s].
+        segment: of the flight; forecasts are compared with its goal.
         horizons: steps ahead: origin k predicts sample k + horizon.
         mean: (6,) of chi in training [N, N·m].
-        target: (n, 6) wrench that forecasts are compared with [N, N·m]; None for chi.
         motion: `known` | `held`, as of `flight_forecasts`.
         seen: by the name of a model that needs more than chi and zeta: the flight as it sees it, at
             the same samples.
     Raises: ValueError: if the flight is too short for one origin.
     """
+    chi = segment.chi
     horizons = sorted(set(horizons))
     origins = np.arange(warm_up, len(chi) - horizons[-1])
     require(
         len(origins) != 0 and horizons[0] >= 0,
-        f"skill_table: {flight}: more than {warm_up + horizons[-1]} samples are "
+        f"skill_table: {segment.name}: more than {warm_up + horizons[-1]} samples are "
         f"needed; got {len(chi)}. Give a longer flight without gaps, or nearer horizons.",
     )
-    goal = (chi if target is None else target)[origins[:, None] + horizons]
+    goal = segment.goal[origins[:, None] + horizons]
     predictions = naive_predictions(chi, origins, horizons, mean)
     for name, model in models.items():
-        sampled = seen.get(name, of_wrenches(chi, zeta, model.step))
+        sampled = seen.get(name, of_wrenches(chi, segment.zeta, model.step))
         chi_hat = flight_forecasts(
             model, sampled, horizons, first=warm_up, motion=motion, averaged=False
         )
@@ -102,7 +100,7 @@ def skill_table(
                 )
                 for k, kind in enumerate(("force", "torque"))
             }
-            rows.append({"flight": flight, "model": name, "horizon": horizon, **figures})
+            rows.append({"flight": segment.name, "model": name, "horizon": horizon, **figures})
     return rows
 
 
@@ -180,16 +178,14 @@ def score_flights(
     )
     for number, flight in enumerate(flights, 1):
         segment, seen = _longest_flown(flight, predictor)
+        paper_name = TESTS.get(f"merged_{flight.data.name}", flight.data.name)
         table = skill_table(
             {name: predictor},
-            segment.chi,
-            segment.zeta,
+            dc.replace(segment, name=paper_name),
             horizons=horizons,
             mean=segment.chi.mean(axis=0),
-            target=segment.goal,
             motion=zeta,
             warm_up=max(WARM_UP, model.window if isinstance(model, LiftedModel) else 1),
-            flight=TESTS.get(f"merged_{flight.data.name}", flight.data.name),  # the paper's name
             seen={name: seen},
         )
         rows += [{**row, "horizon": row["horizon"] * segment.step, "zeta": zeta} for row in table]

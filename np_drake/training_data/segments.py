@@ -70,6 +70,7 @@ class Segment:
     zeta: np.ndarray
     step: float
     target: np.ndarray | None = None
+    name: str = "flight"  # for messages and tables
 
     def __len__(self) -> int:
         return len(self.chi)
@@ -115,7 +116,8 @@ def _checked(segment: Segment, number: int) -> Segment:
                 f"Segment {number}: {name} must be finite; row {row} is not. Cut the log there."
             )
     require(segment.step > 0, f"Segment {number}: step must be positive [s]; got {segment.step}.")
-    return Segment(arrays["chi"], arrays["zeta"], float(segment.step), arrays["target"])
+    step = float(segment.step)
+    return Segment(arrays["chi"], arrays["zeta"], step, arrays["target"], segment.name)
 
 
 def group_scale(values: list[np.ndarray], *, centred: bool) -> np.ndarray:

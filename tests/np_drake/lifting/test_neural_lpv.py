@@ -82,7 +82,7 @@ def test_no_network_makes_a_forecast_grow(theta):
 def test_other_loads_teach_the_force_of_an_unseen_one():
     loads = [oscillator(k, 8.0 + 4.0 * (k % 3), -(2.0 ** (k % 3))) for k in range(6)]
     dut = LiftedLinearPredictor.of(train(loads, CONFIG).model)
-    rows = skill_table({"np": dut}, FLIGHT.chi, FLIGHT.zeta, horizons=[20], mean=np.zeros(6))
+    rows = skill_table({"np": dut}, FLIGHT, horizons=[20], mean=np.zeros(6))
     [ratio] = [row["force_ratio"] for row in rows if row["model"] == "np"]
     assert ratio < 0.8  # of the error of persistence
 

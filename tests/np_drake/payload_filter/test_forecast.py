@@ -5,7 +5,7 @@ import pytest
 
 from np_drake import attitude
 from np_drake.effects.pendulum import hook_velocity, swing_many
-from np_drake.payload_filter.forecast import along_plan, beside_plan, drives
+from np_drake.payload_filter.forecast import Carrier, Timing, along_plan, beside_plan, drives
 from np_drake.payload_filter.kernel import (
     DAMPING,
     DRAG,
@@ -21,6 +21,7 @@ HOOK = np.array([0.04, -0.03, -0.1])
 MEAN_DECAY, DECAY = 0.6, 0.3
 STEADY, RATE_TORQUE = np.array([0.01, -0.02, 0.005]), np.array([-0.01, -0.02, 0.03])
 SPEED_TORQUE = np.array([0.02, 0.05])
+CARRIER = Carrier(HOOK, VEHICLE_MASS, GRAVITY, STEADY, RATE_TORQUE, SPEED_TORQUE)
 
 
 def members(seed: int, count: int) -> np.ndarray:
@@ -49,9 +50,8 @@ def plan(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def forecast_of(points, weight, x, u, acting) -> np.ndarray:
-    torque = (STEADY, RATE_TORQUE, SPEED_TORQUE)
-    physics = (HOOK, VEHICLE_MASS, GRAVITY, STEP, STRIDE, MEAN_DECAY, DECAY)
-    return along_plan(points, weight, x, u, acting, *torque, *physics)
+    timing = Timing(STEP, STRIDE, MEAN_DECAY, DECAY)
+    return along_plan(points, weight, x, u, acting, CARRIER, timing)
 
 
 def pulls_of(points, weight, x) -> np.ndarray:
@@ -105,7 +105,7 @@ def test_beside_a_plan_the_lifted_system_along_it_gives_the_same_wrench(seed):
     x, u = plan(seed)
     along = forecast_of(points, weight, x, u, u[0])
     mean = weight @ points
-    A, B, C, steady = beside_plan(mean, x, HOOK, VEHICLE_MASS, GRAVITY, STEP, along)
+    A, B, C, steady = beside_plan(mean, x, CARRIER, STEP, along)
     z, again = np.zeros(4), np.zeros((N, 6))
     for i in range(N):
         again[i] = steady[i] + C @ z

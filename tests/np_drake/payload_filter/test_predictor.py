@@ -192,9 +192,10 @@ def test_a_small_swing_of_one_member_has_the_period_of_a_pendulum():
     # lift of the whole weight holds the hook's mean at rest
     period = 2 * np.pi * np.sqrt(0.8 / (1 + 0.13) / G)
     tilt = []
+    dynamics = kernel.Dynamics(STEP, np.zeros((1, 8)), keep, nothing)
+    label = kernel.Label(np.full(3, np.nan), np.ones(3))
     for _ in range(round(period / STEP)):
-        priors, label = (np.zeros((1, 8)), keep, nothing), (np.full(3, np.nan), np.ones(3))
-        point = kernel.filter_bank(point, covariance, drive, drive, STEP, *priors, *label)[0]
+        point = kernel.filter_bank(point, covariance, drive, drive, dynamics, label)[0]
         tilt.append(point[0, 0])
     assert (np.argmin(tilt) + 1) * STEP == pytest.approx(0.5 * period, abs=0.02)
     assert tilt[-1] == pytest.approx(np.sin(0.02), rel=0.02)

@@ -6,6 +6,7 @@ import pytest
 from np_drake.residual_model import WrenchForecast
 from np_drake.residual_models.hold import Hold
 from np_drake.skill.skill import NAIVE, diverged, skill_table
+from np_drake.training_data.segments import Segment
 
 STEP, HORIZONS = 0.02, [0, 1, 3, 7]
 
@@ -43,9 +44,9 @@ def sequence(n: int = 60) -> tuple[np.ndarray, np.ndarray]:
     return chi, zeta
 
 
-def table(models, chi, zeta, **settings):
+def table(models, chi, zeta, target=None, **settings):
     options = {"horizons": HORIZONS, "mean": np.full(6, 2.0), "warm_up": 5} | settings
-    rows = skill_table(models, chi, zeta, **options)
+    rows = skill_table(models, Segment(chi, zeta, STEP, target), **options)
     return {(row["model"], row["horizon"]): row for row in rows}
 
 

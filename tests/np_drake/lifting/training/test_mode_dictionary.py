@@ -53,7 +53,7 @@ def dut():
 
 def test_an_unseen_flight_is_predicted_better_than_by_any_naive_row(dut):
     unseen, options = flight(7), {"horizons": [5, 20, 40], "mean": np.zeros(6), "warm_up": 29}
-    rows = skill_table({"np": dut}, unseen.chi, unseen.zeta, motion="held", **options)
+    rows = skill_table({"np": dut}, unseen, motion="held", **options)
     for row in (row for row in rows if row["model"] == "np"):
         assert row["force_skill"] < 0.9, row
         assert row["torque_skill"] < 0.9, row
