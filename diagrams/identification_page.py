@@ -30,7 +30,7 @@ from np_drake.files.page import Section
 from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification, doubts, trades
 from np_drake.identification.quantities import QUANTITIES, Identified
-from np_drake.identification.validation import ERRORS, HORIZONS, HeldOut
+from np_drake.identification.validation import ERRORS, HORIZONS, HeldOutErrors
 
 PAGE = "identification.html"
 TEMPLATE = Path(__file__).with_suffix(".html.j2")
@@ -39,7 +39,7 @@ VEHICLE = "vehicle.yaml"
 
 def write_page(
     identification: Identification,
-    rows: list[HeldOut],
+    rows: list[HeldOutErrors],
     folder: Path,
     *,
     thirds: bool = False,
@@ -75,7 +75,7 @@ def write_page(
 
 
 def content(
-    identification: Identification, rows: Sequence[HeldOut], each: Sequence[FlightValues]
+    identification: Identification, rows: Sequence[HeldOutErrors], each: Sequence[FlightValues]
 ) -> dict[str, Any]:
     """Return the values that the template uses, with numbers formatted as text."""
     return {
@@ -119,13 +119,13 @@ def content(
     }
 
 
-def _residual(row: HeldOut) -> list[str]:
+def _residual(row: HeldOutErrors) -> list[str]:
     both = zip((row.force, row.torque), ("N", "N·m"), strict=True)
     sizes = [measure(float(v), unit) for values, unit in both for v in values]
     return [row.flight, row.model, *sizes]
 
 
-def _open_loop(row: HeldOut) -> list[str]:
+def _open_loop(row: HeldOutErrors) -> list[str]:
     cells = [row.flight, row.model]
     for errors in row.open_loop:
         *sizes, turned, rates = map(float, errors)
@@ -299,7 +299,7 @@ def headline(identification: Identification) -> str:
     )
 
 
-def change(rows: Sequence[HeldOut]) -> str:
+def change(rows: Sequence[HeldOutErrors]) -> str:
     """Return how far the residual of held-out flights changes from the vehicle file to the
     identified one.
     """
@@ -414,7 +414,7 @@ def _flights(ax, values: FlightValues) -> None:
     _tidy(ax)
 
 
-def residual_figure(rows: Sequence[HeldOut]) -> Figure:
+def residual_figure(rows: Sequence[HeldOutErrors]) -> Figure:
     """Return the RMS of held-out force and torque by axis, a mark a model and flight."""
     from matplotlib.ticker import LogLocator, NullLocator
 

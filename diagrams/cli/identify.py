@@ -53,8 +53,7 @@ from np_drake.identification.identify import (
 from np_drake.identification.identify import identify as identified
 from np_drake.identification.quantities import Identified
 from np_drake.identification.signals import common_drive, left_out, signals
-from np_drake.identification.validation import HeldOut
-from np_drake.identification.validation import held_out as errors_on
+from np_drake.identification.validation import HeldOutErrors, held_out_errors
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 from np_drake.logs.rotors import tell_directions
@@ -140,7 +139,6 @@ def identify(run: Run, asked: IdentifyOptions) -> Report:
         split = _split(opened[: len(asked.logs)], opened[len(asked.logs) :], prior, drive)
         several = "s" if len(split.fitted) > 1 else ""
         advance(READ, f"{len(split.fitted)} flight{several}")
-        parts = [(LAST, 1.0)] if split.last else []
         mass = None if asked.trust == "thrust" else asked.mass or prior.mass
         identification = identified(
             split.fitted,
@@ -151,7 +149,7 @@ def identify(run: Run, asked: IdentifyOptions) -> Report:
             stop=LAST if split.last else 1.0,
         )
         advance(FITTED, "judging")
-        rows = errors_on(identification, split.judging, parts)
+        rows = held_out_errors(identification, split.judging, LAST if split.last else 0.0)
         advance(1.0)
     untold = [] if tell_directions(flown, prior) else [UNTOLD]
     unused = [] if asked.input else left_out(flown, drive)
@@ -179,7 +177,7 @@ def identify(run: Run, asked: IdentifyOptions) -> Report:
             save_vehicle(vehicle, folder / FILE)
             say(f"vehicle file: {folder / FILE}")
         write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
-        page = write_page(identification, rows, folder, thirds=bool(parts), warnings=warnings)
+        page = write_page(identification, rows, folder, thirds=split.last, warnings=warnings)
         say(f"page: {page}")
 
     return Report(
@@ -325,7 +323,7 @@ def _split(
     return Split(fitted, fit, single, notes)
 
 
-def _tables(result: Identification, rows: list[HeldOut]) -> list[Table]:
+def _tables(result: Identification, rows: list[HeldOutErrors]) -> list[Table]:
     """Return what is told, the rate loop of an autopilot, and the errors on what was not fitted."""
     loops = zip(("roll", "pitch", "yaw"), result.rate_loop, strict=False)
     return [
@@ -375,7 +373,7 @@ def _span(bounds: Iterable[float]) -> str:
     return f"{low:.3g} to {high:.3g}"
 
 
-def as_json(result: Identification, rows: list[HeldOut]) -> dict[str, Any]:
+def as_json(result: Identification, rows: list[HeldOutErrors]) -> dict[str, Any]:
     """Return the values of `--json`."""
     by_name = {values.quantity.name: values for values in flight_values(result)}
     content = {

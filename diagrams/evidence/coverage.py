@@ -27,7 +27,7 @@ from np_drake.identification.identified_vehicle import identified_vehicle
 from np_drake.identification.identify import identify
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import usual_rate_loop
-from np_drake.vehicle.sources import SURE
+from np_drake.vehicle.sources import HALF_WIDTH_95
 
 # that are logged, and their length [s]
 FLIGHTS = 3
@@ -125,7 +125,11 @@ def in_band(predicted: pd.DataFrame, seen: pd.DataFrame) -> float:
     A, a = terms(predicted.dropna(subset="E_xy"))
     B, b = terms(seen)
     P = np.linalg.pinv(A)
-    within = SURE * (a - A @ P @ a).std(ddof=A.shape[1]) * np.sqrt(1 + np.sum((B @ P) ** 2, axis=1))
+    within = (
+        HALF_WIDTH_95
+        * (a - A @ P @ a).std(ddof=A.shape[1])
+        * np.sqrt(1 + np.sum((B @ P) ** 2, axis=1))
+    )
     return float((np.abs(b - B @ P @ a) <= within).mean())
 
 

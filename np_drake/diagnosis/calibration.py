@@ -16,10 +16,10 @@ from functools import partial
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.deviation import ROTORS, Deviation, columns_of, file_deviations
+from np_drake.diagnosis.effect_prior import ROTOR_NUMBERS, EffectPrior, columns_of, file_priors
 from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import FREEDOM, SPREAD, SURE, Priors, Tolerance
+from np_drake.diagnosis.options import FREEDOM, HALF_WIDTH_95, PRIOR_SPREAD, Priors, Tolerance
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
 from np_drake.diagnosis.regressors.library_regressors import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
@@ -64,16 +64,16 @@ SENSORS = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
 LEANING = 2  # last columns of the airframe: thrust that leans to x and y
 
 
-def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
+def of_vehicle(flight: FlightResiduals, tolerance: Tolerance) -> list[EffectPrior]:
     """Return by what a healthy vehicle differs from its file; nothing where that which flew was
     measured.
 
     Of a number for which the file states an interval, the deviation is that of the interval, but
     not less than 1e-3 of that of healthy vehicles.
     """
-    vehicle = e.vehicle
-    span = arm(e.vehicle)
-    mass = e.vehicle.mass
+    vehicle = flight.vehicle
+    span = arm(flight.vehicle)
+    mass = flight.vehicle.mass
     if not tolerance.unmeasured:
         return []
 
@@ -81,7 +81,7 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
         known = vehicle.known_within(field, *place)
         return usual if known is None else max(known, 1e-3 * usual)
 
-    clock = SPREAD.rotor_speed_time if e.measured_rotors else SPREAD.command_time
+    clock = PRIOR_SPREAD.rotor_speed_time if flight.measured_rotors else PRIOR_SPREAD.command_time
     published = published_priors()
     inertia = published.rotor_inertia.median * mass * span**2
     # Of moments of inertia a gain of the torque has all but the gyroscopic torque.
@@ -89,54 +89,60 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
         p.name: stated("inertia", published.inertia.deviation * J, i, i) / J
         for i, (p, J) in enumerate(zip(InertiaError.parameters, vehicle.J.diagonal(), strict=True))
     }
-    center = [span * SPREAD.center_of_mass] * 2 + [span * SPREAD.center_of_mass_height]
-    deviations = [
+    center = [span * PRIOR_SPREAD.center_of_mass] * 2 + [span * PRIOR_SPREAD.center_of_mass_height]
+    effect_priors = [
         *(
-            Deviation(
+            EffectPrior(
                 WeakRotor,
-                {"efficiency": stated("calibration.rotor_gains", SPREAD.rotor_gain, i)},
+                {"efficiency": stated("calibration.rotor_gains", PRIOR_SPREAD.rotor_gain, i)},
                 rotor,
             )
-            for i, rotor in enumerate({"rotor": number} for number in ROTORS)
+            for i, rotor in enumerate({"rotor": number} for number in ROTOR_NUMBERS)
         ),
-        Deviation(
+        EffectPrior(
             CenterOfMassOffset,
             {
                 axis: stated("calibration.center_of_mass", center[i], i)
                 for i, axis in enumerate("xyz")
             },
         ),
-        Deviation(MixerGain, dict.fromkeys(AXES, SPREAD.torque_gain)),
-        Deviation(InertiaError, moments),
-        Deviation(BladeFlapping, {"moment": SPREAD.flapping * mass * span}),
-        Deviation(TranslationalLift, {"lift": SPREAD.lift * mass}),
-        Deviation(RotorGyroscopic, {"rotor_inertia": stated("calibration.rotor_inertia", inertia)}),
-        Deviation(ClockOffset, {"offset": stated("calibration.clock_offset", clock)}),
+        EffectPrior(MixerGain, dict.fromkeys(AXES, PRIOR_SPREAD.torque_gain)),
+        EffectPrior(InertiaError, moments),
+        EffectPrior(BladeFlapping, {"moment": PRIOR_SPREAD.flapping * mass * span}),
+        EffectPrior(TranslationalLift, {"lift": PRIOR_SPREAD.lift * mass}),
+        EffectPrior(
+            RotorGyroscopic, {"rotor_inertia": stated("calibration.rotor_inertia", inertia)}
+        ),
+        EffectPrior(ClockOffset, {"offset": stated("calibration.clock_offset", clock)}),
     ]
-    if "attitude" not in e.log.lacks:
+    if "attitude" not in flight.log.lacks:
         tilt = {
-            axis: stated("calibration.imu_tilt", SPREAD.mounting, i) for i, axis in enumerate(AXES)
+            axis: stated("calibration.imu_tilt", PRIOR_SPREAD.mounting, i)
+            for i, axis in enumerate(AXES)
         }
-        deviations += [
-            Deviation(ImuMounting, tilt),
-            Deviation(AttitudeLatency, {"latency": SPREAD.latency}),
+        effect_priors += [
+            EffectPrior(ImuMounting, tilt),
+            EffectPrior(AttitudeLatency, {"latency": PRIOR_SPREAD.latency}),
         ]
-    if e.log.a is not None:
-        deviations.append(
-            Deviation(AccelerometerBias, dict.fromkeys("xyz", SPREAD.accelerometer_offset))
+    if flight.log.a is not None:
+        effect_priors.append(
+            EffectPrior(AccelerometerBias, dict.fromkeys("xyz", PRIOR_SPREAD.accelerometer_offset))
         )
-    if not e.measured_rotors:
-        deviations.append(
-            Deviation(
-                CommandDelay, {"delay": stated("calibration.command_delay", SPREAD.command_time)}
+    if not flight.measured_rotors:
+        effect_priors.append(
+            EffectPrior(
+                CommandDelay,
+                {"delay": stated("calibration.command_delay", PRIOR_SPREAD.command_time)},
             )
         )
-        lags = SPREAD.lags if "rotor_time_constant" not in vehicle.intervals else ()
-        deviations += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
-    return deviations
+        lags = PRIOR_SPREAD.lags if "rotor_time_constant" not in vehicle.intervals else ()
+        effect_priors += [
+            EffectPrior(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags
+        ]
+    return effect_priors
 
 
-def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
+def calibrated_alone(flight: FlightResiduals, tolerance: Tolerance) -> set[str]:
     """Return the effects that are calibration whatever their size, and causes only where they begin
     in flight or since flights before.
 
@@ -144,79 +150,89 @@ def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
     place; of an unmeasured vehicle sensors, torque gains, inertia and times of commands.
     """
     alone = set(CHANGES.values())
-    if e.log.input == "normalised":
+    if flight.log.input == "normalised":
         alone |= {MassError, ThrustScale}
     if tolerance.unmeasured:
-        effects = [d.effect for d in (*of_vehicle(e, tolerance), *of_flight(e, tolerance))]
+        effects = [
+            d.effect for d in (*of_vehicle(flight, tolerance), *of_flight(flight, tolerance))
+        ]
         sensors = [f for f in effects if f.place == "measurement" or f.role == "mixer"]
         # Of inertia and the share of torque that acts a flight shows the ratio alone.
         alone |= {*sensors, *(f for f in effects if f.shifts_commands), InertiaError}
     return {effect.identifier for effect in alone}
 
 
-def of_flight(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
+def of_flight(flight: FlightResiduals, tolerance: Tolerance) -> list[EffectPrior]:
     """Return by what a flight differs from the others of its vehicle: sensors, and for an
     unmeasured vehicle trim.
     """
-    usual = (SPREAD.accelerometer, SPREAD.tilt, SPREAD.gyro, SPREAD.velocity)
-    deviations = []
+    usual = (
+        PRIOR_SPREAD.accelerometer,
+        PRIOR_SPREAD.tilt,
+        PRIOR_SPREAD.gyro,
+        PRIOR_SPREAD.velocity,
+    )
+    effect_priors = []
     for effect, least in zip(SENSORS, usual, strict=True):
         error = max(tolerance.of(effect), least * tolerance.unmeasured)
-        if effect is not AccelerometerBias or e.log.a is not None:
-            deviations.append(Deviation(effect, {p.name: error for p in effect.parameters}))
+        if effect is not AccelerometerBias or flight.log.a is not None:
+            effect_priors.append(EffectPrior(effect, {p.name: error for p in effect.parameters}))
     if not tolerance.unmeasured:
-        return [*deviations, *of_battery(e)]
-    deviations += [
-        Deviation(WeakRotor, {"efficiency": SPREAD.rotor_trim}, {"rotor": i}) for i in ROTORS
+        return [*effect_priors, *of_battery(flight)]
+    effect_priors += [
+        EffectPrior(WeakRotor, {"efficiency": PRIOR_SPREAD.rotor_trim}, {"rotor": i})
+        for i in ROTOR_NUMBERS
     ]
-    if e.earlier:
+    if flight.earlier:
         # How much of the torque the motion hides goes with noise and liveliness of the flight: a
         # change since is told by what it shows.
-        hidden = {axis: 1.0 - gain for axis, gain in zip(AXES, e.torque_gain, strict=True)}
-        share = {axis: SPREAD.torque_share * part for axis, part in hidden.items() if part > 0}
-        deviations += [Deviation(MixerGain, share)] if share else []
-    return deviations + (
-        of_battery(e)
+        hidden = {axis: 1.0 - gain for axis, gain in zip(AXES, flight.torque_gain, strict=True)}
+        share = {
+            axis: PRIOR_SPREAD.torque_share * part for axis, part in hidden.items() if part > 0
+        }
+        effect_priors += [EffectPrior(MixerGain, share)] if share else []
+    return effect_priors + (
+        of_battery(flight)
         or [
-            Deviation(BATTERY[0], {"scale": SPREAD.known_charge}),
-            Deviation(BATTERY[1], {"rate": SPREAD.known_sag}),
+            EffectPrior(BATTERY[0], {"scale": PRIOR_SPREAD.known_charge}),
+            EffectPrior(BATTERY[1], {"rate": PRIOR_SPREAD.known_sag}),
         ]
     )
 
 
-def of_battery(e: FlightResiduals) -> list[Deviation]:
+def of_battery(flight: FlightResiduals) -> list[EffectPrior]:
     """Return by what thrust over throttle differs from that of other flights, as the battery does;
     else nothing.
     """
-    if e.log.input != "normalised":
+    if flight.log.input != "normalised":
         return []
-    volts = voltage_of(e.log)
-    charge = SPREAD.unknown_charge
-    sag = SPREAD.sag
-    known = e.log.throttle_map
+    volts = voltage_of(flight.log)
+    charge = PRIOR_SPREAD.unknown_charge
+    sag = PRIOR_SPREAD.sag
+    known = flight.log.throttle_map
     away = 0.0
     if volts is not None and not (isinstance(known, PowerMap) and known.volts is None):
         # The power of a voltage that falls is known to a third: thrust falls by so much more or
         # less. So it does with another battery.
-        fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
+        fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(flight.log.t))
         usual = known.volts if isinstance(known, PowerMap) else float(np.median(volts))
         away = VOLTAGE_SCATTER * float(np.log(np.median(volts) / usual))
-        charge = SPREAD.charge
-        sag = float(np.hypot(SPREAD.known_sag, fall))
+        charge = PRIOR_SPREAD.charge
+        sag = float(np.hypot(PRIOR_SPREAD.known_sag, fall))
     if isinstance(known, PowerMap):
         # Flights that agree tell that thrust over throttle scatters less: inverse gamma.
         squares = FREEDOM * charge**2 + known.scatter
         charge = float(np.sqrt(squares / (FREEDOM + known.freedom)))
     return [
-        Deviation(BATTERY[0], {"scale": float(np.hypot(charge, away))}),
-        Deviation(BATTERY[1], {"rate": sag}),
+        EffectPrior(BATTERY[0], {"scale": float(np.hypot(charge, away))}),
+        EffectPrior(BATTERY[1], {"rate": sag}),
     ]
 
 
 # Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the
 # library describes.
 SMOOTH = ("rates", "side force", "velocity", "cross flow", "thrust curve", "command")
-FLATTEST = 0.98  # of the sum of two moments of inertia that the third may reach [1]
+LARGEST_MOMENT = 0.98  # of the sum of two moments of inertia that the third may reach [1]
 
 
 def nuisance_of(
@@ -226,7 +242,9 @@ def nuisance_of(
     flights differ by, and what an unmeasured vehicle and its airframe differ by from the file.
     """
     vehicle = [
-        Candidate((), LINEAR, {e.name: of(e) for e in flights}, lambda c: [], generic=of)
+        Candidate(
+            (), LINEAR, {flight.name: of(flight) for flight in flights}, lambda c: [], generic=of
+        )
         for of in vehicle_columns(flights, tolerance, priors)
     ]
     return [*file_errors(flights, tolerance), *flight_errors(flights, tolerance), *vehicle]
@@ -256,26 +274,26 @@ def vehicle_columns(
         for axis in range(3)
     ]
 
-    def smooth(e: FlightResiduals) -> np.ndarray:
-        return np.concatenate([c.generic(e) for c in groups if c.generic], axis=-1)
+    def smooth(flight: FlightResiduals) -> np.ndarray:
+        return np.concatenate([c.generic(flight) for c in groups if c.generic], axis=-1)
 
     # Beyond the usual motion a function of it stays within its prior, so that it does not grow with
     # speed cubed.
     span = arm(flights[0].vehicle)
     axes = np.array([1.0, 1.0, 1.0, 0.3 * span, 0.3 * span, 0.1 * span])
     usual = priors.generic_size * flights[0].weight * axes
-    flown = np.concatenate([smooth(e)[:, WRENCH] for e in flights]) / usual[:, None]
+    flown = np.concatenate([smooth(flight)[:, WRENCH] for flight in flights]) / usual[:, None]
     most = np.maximum(1.0, np.sqrt(np.mean(np.sum(flown**2, axis=1), axis=0)))
 
-    def of_air(e: FlightResiduals) -> np.ndarray:
-        columns = smooth(e) / most
-        leaning = np.zeros((*e.y.shape, LEANING))
-        slower = 1.0 - np.sqrt(np.maximum(e.nominal[:, 2], 0.0) / e.weight)
+    def of_air(flight: FlightResiduals) -> np.ndarray:
+        columns = smooth(flight) / most
+        leaning = np.zeros((*flight.y.shape, LEANING))
+        slower = 1.0 - np.sqrt(np.maximum(flight.nominal[:, 2], 0.0) / flight.weight)
         columns[..., own_axis] *= slower[:, None, None]
-        leaning[:, 0, 0] = leaning[:, 1, 1] = SPREAD.mounting * e.nominal[:, 2]
+        leaning[:, 0, 0] = leaning[:, 1, 1] = PRIOR_SPREAD.mounting * flight.nominal[:, 2]
         return np.concatenate([columns, leaning], axis=-1)
 
-    return [partial(columns_of, deviations=shared), of_air]
+    return [partial(columns_of, effect_priors=shared), of_air]
 
 
 def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
@@ -289,7 +307,7 @@ def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
     return dc.replace(flight, y=y, nominal=flight.nominal + wrench, fixed=fixed, given=wrench)
 
 
-def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> list[Effect]:
+def calibration_effects(fit: Fit, flight: FlightResiduals, tolerance: Tolerance) -> list[Effect]:
     """Return the effects of the vehicle's calibration, without those of sensors, for a
     simulator.
     """
@@ -299,12 +317,10 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     if not fit.calibrated:
         return effects
     # A share of all torque is shown as if the inertia were larger.
-    moments = e.vehicle.J.diagonal() / e.torque_gain
+    moments = flight.vehicle.J.diagonal() / flight.torque_gain
     coefficients = iter(fit.calibrated[0][1])
-    for d in of_vehicle(e, tolerance):
-        moved = {
-            name: c * sd for (name, sd), c in zip(d.deviation.items(), coefficients, strict=False)
-        }
+    for d in of_vehicle(flight, tolerance):
+        moved = {name: c * sd for (name, sd), c in zip(d.sigma.items(), coefficients, strict=False)}
         if d.at_value or d.effect.place == "measurement" or d.effect.shifts_commands:
             continue
         parameters = [p for p in d.effect.parameters if p.name in moved]
@@ -316,62 +332,65 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
                 d.at(**{p.name: float(v) for p, v in zip(parameters, values, strict=True)})
             )
     # No larger than a rigid body can have it.
-    moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
-    return [*effects, InertiaError(*(moments / e.vehicle.J.diagonal()))]
+    moments = np.minimum(moments, LARGEST_MOMENT * (moments.sum() - moments))
+    return [*effects, InertiaError(*(moments / flight.vehicle.J.diagonal()))]
 
 
 def file_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
     """Return what every vehicle may differ by from its file, a candidate an effect."""
     return [
         Candidate(
-            (), "calibration", {e.name: columns_of(e, [d], part=1.0) for e in flights}, lambda c: []
+            (),
+            "calibration",
+            {flight.name: columns_of(flight, [d], part=1.0) for flight in flights},
+            lambda c: [],
         )
-        for d in file_deviations(flights[0].vehicle, tolerance)
+        for d in file_priors(flights[0].vehicle, tolerance)
     ]
 
 
 def flight_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
     """Return what every flight differs by, a candidate a flight; none for ideal sensors."""
     candidates = []
-    for e in flights if tolerance.real else ():
-        errors = errors_of(e, tolerance)
+    for flight in flights if tolerance.real else ():
+        errors = errors_of(flight, tolerance)
         columns = {o.name: np.broadcast_to(0.0, (*o.y.shape, errors.shape[-1])) for o in flights}
-        candidates.append(Candidate((), LINEAR, {**columns, e.name: errors}, lambda c: []))
+        candidates.append(Candidate((), LINEAR, {**columns, flight.name: errors}, lambda c: []))
     return candidates
 
 
-def errors_of(e: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
+def errors_of(flight: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
     """Return columns (m, 15, k) of what a flight differs by from others of its vehicle."""
-    constant = columns_of(e, of_flight(e, tolerance))
+    constant = columns_of(flight, of_flight(flight, tolerance))
     return np.concatenate(
-        [constant, *([drift_columns(e)] if tolerance.unmeasured else [])], axis=-1
+        [constant, *([drift_columns(flight)] if tolerance.unmeasured else [])], axis=-1
     )
 
 
-def drift_columns(e: FlightResiduals) -> np.ndarray:
+def drift_columns(flight: FlightResiduals) -> np.ndarray:
     """Return columns (m, 15, 6 k) of slow changes of each channel of the wrench: hats between k
     knots.
 
     Attitude and gyro drift, a battery sags and warms, trim changes: slower than the noise model
     remembers.
     """
-    count = max(2, round((e.t[-1] - e.t[0]) / SPREAD.drift_time) + 1)
-    hats = Signal(np.linspace(e.t[0], e.t[-1], count), np.eye(count)).linear(e.t)
-    moment = SPREAD.torque_drift * e.weight * arm(e.vehicle)
-    level = SPREAD.tilt_drift * e.weight
+    count = max(2, round((flight.t[-1] - flight.t[0]) / PRIOR_SPREAD.drift_time) + 1)
+    hats = Signal(np.linspace(flight.t[0], flight.t[-1], count), np.eye(count)).linear(flight.t)
+    moment = PRIOR_SPREAD.torque_drift * flight.weight * arm(flight.vehicle)
+    level = PRIOR_SPREAD.tilt_drift * flight.weight
     # As much as a battery sags from knot to knot.
-    thrust = SPREAD.known_sag * SPREAD.drift_time * e.weight
-    out = np.zeros((*e.y.shape, 6 * count))
+    thrust = PRIOR_SPREAD.known_sag * PRIOR_SPREAD.drift_time * flight.weight
+    out = np.zeros((*flight.y.shape, 6 * count))
     for channel, size in enumerate(
-        (level, level, thrust, moment, moment, SPREAD.yaw_drift * moment)
+        (level, level, thrust, moment, moment, PRIOR_SPREAD.yaw_drift * moment)
     ):
         out[:, channel, channel * count : (channel + 1) * count] = size * hats
-    return e.known(out)
+    return flight.known(out)
 
 
 LAGS = (0.0, 0.04, 0.08)  # at which motion may answer torque, as rotors do [s]
 CHANGE = 0.1  # over which torque changes; own choice: faster than a trim, slower than noise [s]
-LEAST_GAIN = 0.02  # so that calibration still has a torque to scale [1]
+LEAST_TORQUE_GAIN = 0.02  # so that calibration still has a torque to scale [1]
 
 
 def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
@@ -385,27 +404,27 @@ def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
     """
     gain = np.ones(3)
     for axis in range(3):
-        X, y = map(np.concatenate, zip(*(_lagged(e, axis) for e in flights), strict=True))
+        X, y = map(np.concatenate, zip(*(_lagged(flight, axis) for flight in flights), strict=True))
         rms = np.sqrt(np.mean(X[:, 0] ** 2))
         if rms > 0:
             answer = X @ np.linalg.lstsq(X, y, rcond=None)[0]
-            gain[axis] = np.clip(np.sqrt(np.mean(answer**2)) / rms, LEAST_GAIN, 1.0)
+            gain[axis] = np.clip(np.sqrt(np.mean(answer**2)) / rms, LEAST_TORQUE_GAIN, 1.0)
     return gain
 
 
-def _lagged(e: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]:
+def _lagged(flight: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """Return rotor torque about an axis at all lags (m, k), and the torque of the motion (m,)
     [N·m].
 
     Both as changes, and without what goes with the changes of velocity, thrust and residual force.
     """
-    torque = e.nominal[:, TORQUE][:, axis]
-    v_B = e.from_mids(attitude.rotate_back(e.mids.q, e.wrench_states[1][:, V]))
-    rows = [round(lag / e.grid.step) for lag in LAGS]
+    torque = flight.nominal[:, TORQUE][:, axis]
+    v_B = flight.from_mids(attitude.rotate_back(flight.mids.q, flight.wrench_states[1][:, V]))
+    rows = [round(lag / flight.grid.step) for lag in LAGS]
     lagged = [torque[rows[-1] - k : len(torque) - k] for k in rows]
-    others = (torque + e.y[:, TORQUE][:, axis], v_B, e.nominal[:, 2], e.y[:, FORCE])
+    others = (torque + flight.y[:, TORQUE][:, axis], v_B, flight.nominal[:, 2], flight.y[:, FORCE])
     signals = np.column_stack([*lagged, *(signal[rows[-1] :] for signal in others)])
-    apart = max(1, round(CHANGE / e.grid.step))
+    apart = max(1, round(CHANGE / flight.grid.step))
     torques, nuisance = np.split(signals[apart:] - signals[:-apart], [len(LAGS) + 1], axis=1)
     torques = torques - nuisance @ np.linalg.lstsq(nuisance, torques, rcond=None)[0]
     return torques[:, :-1], torques[:, -1]
@@ -419,16 +438,16 @@ def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> li
         gain: (3,) by `torque_gain` [1].
     """
     scaled_flights = []
-    for e in flights:
-        scaled = dc.replace(e, torque_gain=tuple(gain.tolist()))
-        y = e.y.copy()
-        nominal = e.nominal * scaled.shown
-        y[:, WRENCH] += e.nominal - nominal
-        scaled_flights.append(dc.replace(scaled, y=e.known(y), nominal=nominal))
+    for flight in flights:
+        scaled = dc.replace(flight, torque_gain=tuple(gain.tolist()))
+        y = flight.y.copy()
+        nominal = flight.nominal * scaled.shown
+        y[:, WRENCH] += flight.nominal - nominal
+        scaled_flights.append(dc.replace(scaled, y=flight.known(y), nominal=nominal))
     return scaled_flights
 
 
-def healthy_spread(
+def healthy_prior(
     effect: Effect, e: FlightResiduals, tolerance: Tolerance, *, changed: bool = False
 ) -> dict[str, tuple[float, float]]:
     """Return the usual value of parameters of an effect, and by how much healthy vehicles differ in
@@ -438,19 +457,19 @@ def healthy_spread(
         changed: since flights before, which is not what a vehicle differs by from its file.
     """
     prior_spread = dict[str, tuple[float, float]]()
-    stated = [d for d in file_deviations(e.vehicle, tolerance) if d.stated]
+    stated = [d for d in file_priors(e.vehicle, tolerance) if d.stated]
     vehicle = [*of_vehicle(e, tolerance), *stated] if not changed else []
     # Since flights before, thrust over throttle of a described vehicle differs by its battery too.
     flight = of_flight(e, tolerance) if tolerance.unmeasured else of_battery(e)
     for d in (*vehicle, *flight):
         if d.is_of(effect) and not d.at_value:
-            for p in (p for p in effect.parameters if p.name in d.deviation):
+            for p in (p for p in effect.parameters if p.name in d.sigma):
                 _, known = prior_spread.get(p.name, (0.0, 0.0))
-                prior_spread[p.name] = d.usual(p), math.hypot(known, d.deviation[p.name])
+                prior_spread[p.name] = d.usual(p), math.hypot(known, d.sigma[p.name])
     if (tolerance.unmeasured or changed) and isinstance(effect, MassError):
         # Thrust over throttle takes its place.
         for d in (d for d in of_battery(e) if d.effect is ThrustScale):
-            prior_spread["delta_mass"] = 0.0, d.deviation["scale"] * e.vehicle.mass
+            prior_spread["delta_mass"] = 0.0, d.sigma["scale"] * e.vehicle.mass
     # What is said of some parameters alone does not excuse the others.
     return (
         prior_spread
@@ -474,7 +493,7 @@ def differences(
     """
     departures = list[Difference]()
     vehicle = flights[0].vehicle
-    rotors = named_rotors([e.log for e in flights], vehicle)
+    rotors = named_rotors([flight.log for flight in flights], vehicle)
     for k, f in enumerate(fit.free):
         i = f.term - len(fit.terms)
         if i < 0 or f.flight:
@@ -493,19 +512,19 @@ def differences(
         *errors, body, _ = fit.linear
         departures += _of_parameters(body, of_vehicle(flights[0], tolerance), rotors)
         parts = {
-            e.name: _of_parameters(part, of_flight(e, tolerance), rotors)
-            for e, part in zip(flights, errors, strict=True)
+            flight.name: _of_parameters(part, of_flight(flight, tolerance), rotors)
+            for flight, part in zip(flights, errors, strict=True)
         }
         departures += _of_flights(parts)
     return tuple(sorted(departures, key=lambda d: -d.in_deviations))
 
 
 def _throttle_map(
-    d: Deviation, p: Parameter, nominal: float, curve: float, sigma: float
+    d: EffectPrior, p: Parameter, nominal: float, curve: float, sigma: float
 ) -> Difference:
     """Return the power of throttle with which thrust goes, over that of the nominal map."""
     value = nominal * (1 + curve)
-    half = SURE * nominal * sigma
+    half = HALF_WIDTH_95 * nominal * sigma
     text = "the power of throttle in thrust is hardly told"
     if half < HARDLY * value:
         text = f"thrust goes with the power {number(value, 3)} of throttle"
@@ -515,17 +534,17 @@ def _throttle_map(
 
 
 def _of_parameters(
-    part: LinearPart, deviations: Sequence[Deviation], rotors: Sequence[RotorName]
+    part: LinearPart, effect_priors: Sequence[EffectPrior], rotors: Sequence[RotorName]
 ) -> list[Difference]:
     """Return the parameters of deviations; the lags of rotors, which each act by a share, as
     one.
     """
     entries = [
         (d, next(p for p in d.effect.parameters if p.name == name))
-        for d in deviations
-        for name in d.deviation
+        for d in effect_priors
+        for name in d.sigma
     ]
-    size = np.array([d.deviation[p.name] for d, p in entries])
+    size = np.array([d.sigma[p.name] for d, p in entries])
     first = slice(len(size))  # before the drift of a flight
     value = part.coefficients[first] * size
     covariance = part.covariance[first, first] * np.outer(size, size)
@@ -536,7 +555,7 @@ def _of_parameters(
     ]
     if lags := [k for k, (d, _) in enumerate(entries) if d.at_value]:
         d, p = entries[lags[-1]]
-        lag = dc.replace(d, deviation={p.name: float(np.linalg.norm(size[lags]))})
+        lag = dc.replace(d, sigma={p.name: float(np.linalg.norm(size[lags]))})
         departures.append(
             _difference(
                 lag, p, value[lags].sum(), np.sqrt(covariance[np.ix_(lags, lags)].sum()), rotors
@@ -565,13 +584,13 @@ def _of_flights(by_flight: Mapping[str, Sequence[Difference]]) -> list[Differenc
 
 
 def _difference(
-    d: Deviation, p: Parameter, value: float, sigma: float, rotors: Sequence[RotorName]
+    d: EffectPrior, p: Parameter, value: float, sigma: float, rotors: Sequence[RotorName]
 ) -> Difference:
     """Return a departure from the neutral value in words."""
     rotor = rotors[round(d.fixed["rotor"]) - 1] if "rotor" in d.fixed else ""
     unit, text = departure(p, value, rotor, shares=d.effect.shares)
-    half = SURE * sigma
-    spread = float(d.deviation[p.name])
+    half = HALF_WIDTH_95 * sigma
+    spread = float(d.sigma[p.name])
     return Difference(
         f"{d.name}.{p.name}",
         text,

@@ -55,7 +55,7 @@ from np_drake.diagnosis.gap import (
 from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gusts
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
 from np_drake.diagnosis.numerics import places
-from np_drake.diagnosis.options import SPREAD, Options, Tolerance
+from np_drake.diagnosis.options import PRIOR_SPREAD, Options, Tolerance
 from np_drake.diagnosis.regressors import tolerance_of, with_input
 from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.report.words import headline
@@ -431,7 +431,7 @@ def voltage_change(before: Sequence[FlightLog], since: Sequence[FlightLog]) -> t
     """
     was = usual_voltage(before)
     now = usual_voltage(since)
-    if was is None or now is None or VOLTAGE * abs(np.log(now / was)) < SPREAD.charge:
+    if was is None or now is None or VOLTAGE * abs(np.log(now / was)) < PRIOR_SPREAD.charge:
         return ()
     return (
         f"battery: {number(was, 3)}{NBSP}V in the flights before, {number(now, 3)}{NBSP}V since",

@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from np_drake.diagnosis.deviation import Deviation, file_deviations
+from np_drake.diagnosis.effect_prior import EffectPrior, file_priors
 from np_drake.diagnosis.forward_model import (
     NEVER,
     STATE,
@@ -21,7 +21,7 @@ from np_drake.diagnosis.forward_model import (
     swing_wrenches,
 )
 from np_drake.diagnosis.numerics import Minimum, NoiseModel, minimise, places, scale_only
-from np_drake.diagnosis.options import SURE, Priors
+from np_drake.diagnosis.options import HALF_WIDTH_95, Priors
 from np_drake.diagnosis.regressors import Model, RegressionProblem
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.swing_fit import fitted_to_whole_flight
@@ -56,7 +56,7 @@ WIDE = 4.0  # deviations of what a file states that are within bounds [1]
 def free_parameters(
     terms: Sequence[Term],
     flights: Sequence[FlightResiduals],
-    known: Mapping[int, Deviation],
+    known: Mapping[int, EffectPrior],
     priors: Priors,
 ) -> list[Free]:
     """Return the free parameters of the terms.
@@ -71,8 +71,8 @@ def free_parameters(
         width = _width(term, vehicle) if term.effect.widens else 1.0
         deviation = known.get(i)
         for p in term.effect.parameters:
-            if deviation is not None and p.name in deviation.deviation:
-                scale = deviation.deviation[p.name]
+            if deviation is not None and p.name in deviation.sigma:
+                scale = deviation.sigma[p.name]
                 middle = deviation.usual(p)
                 upper = max(p.upper, middle + WIDE * scale)
                 free.append(Free(i, p.name, scale, middle, p.lower, upper))
@@ -83,12 +83,12 @@ def free_parameters(
         upper = MASS.upper
         for k in np.flatnonzero(term.loads).tolist():
             free.append(Free(i, LOADS, scale, 0.0, 0.0, upper, entry=k))
-        for e in flights if term.effect.has_hidden_state else ():
-            if term.begins(e.name) != NEVER:
+        for flight in flights if term.effect.has_hidden_state else ():
+            if term.begins(flight.name) != NEVER:
                 scales = priors.swing * np.array([1, 1, 3, 3])  # of angles, and of rates
                 free += [
-                    Free(i, "swing", scales[k % STATE], 0.0, -4.0, 4.0, e.name, k)
-                    for k in range(hidden_size(e, term.begins(e.name)))
+                    Free(i, "swing", scales[k % STATE], 0.0, -4.0, 4.0, flight.name, k)
+                    for k in range(hidden_size(flight, term.begins(flight.name)))
                 ]
     return free
 
@@ -156,7 +156,8 @@ def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> li
     return written
 
 
-BLOCK = 1.0  # length of blocks within which residuals may correlate, for the robust covariance [s]
+# length of blocks within which residuals may correlate, for the robust covariance [s]
+CORRELATED_BLOCK = 1.0
 
 
 @dc.dataclass(frozen=True)
@@ -192,7 +193,7 @@ class Fit:
     sensor_drift: dict[str, np.ndarray] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
     linear: tuple[LinearPart, ...] = ()
-    allowed: tuple[Deviation, ...] = ()
+    allowed: tuple[EffectPrior, ...] = ()
 
     @property
     def calibrated(self) -> tuple[tuple[Callable[[FlightResiduals], np.ndarray], np.ndarray], ...]:
@@ -201,13 +202,13 @@ class Fit:
         """
         return tuple((part.columns, part.coefficients) for part in self.linear if part.columns)
 
-    def residual(self, e: FlightResiduals) -> np.ndarray:
+    def residual(self, flight: FlightResiduals) -> np.ndarray:
         """Return the residual (m, 15) of the model on a flight, with outlier rows interpolated.
 
         On a flight of the fit, sensor errors are removed as well.
         """
-        drift = self.sensor_drift.get(e.name, 0.0)
-        return e.bridged(e.y - predicted_residual(e, self.everything) - drift)
+        drift = self.sensor_drift.get(flight.name, 0.0)
+        return flight.bridged(flight.y - predicted_residual(flight, self.everything) - drift)
 
     def onset_prior_of(self, i: int) -> float:
         """Return the part of the log prior of all onsets that is that of term i; 0 if it acts from
@@ -310,7 +311,9 @@ class _WhitenedModel:
         """
         n = len(self._free)
         covariance = np.linalg.inv(best.information)
-        size = max(1, round(BLOCK / self._flights[0].grid.step)) * self._noise.phi.shape[0]
+        size = (
+            max(1, round(CORRELATED_BLOCK / self._flights[0].grid.step)) * self._noise.phi.shape[0]
+        )
         scores = []
         for flight in self._flights:
             X, at = self._white.columns[flight.name]
@@ -329,7 +332,7 @@ class _WhitenedModel:
 def refine(
     problem: RegressionProblem,
     terms: Sequence[Term],
-    calibration: Sequence[Deviation],
+    calibration: Sequence[EffectPrior],
     noise: NoiseModel,
     evaluations: int = 8,
 ) -> Fit:
@@ -412,8 +415,8 @@ def scaled_jacobian(
     return columns
 
 
-EDGE = 1e-3  # share of a parameter's range within which it is at its bound [1]; own choice
-STEPS = 3  # points of an interval that are tried; own choice
+BOUND_EDGE = 1e-3  # share of a parameter's range within which it is at its bound [1]; own choice
+INTERVAL_POINTS = 3  # points of an interval that are tried; own choice
 
 
 def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
@@ -426,7 +429,7 @@ def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
 def half_width(fit: Fit, i: int, name: str, entry: int = 0) -> float:
     """Return half the 95 % interval of a parameter of term i, or of an entry of its `LOADS`."""
     return sum(
-        SURE * float(np.sqrt(fit.covariance[k, k]))
+        HALF_WIDTH_95 * float(np.sqrt(fit.covariance[k, k]))
         for k, f in enumerate(fit.free)
         if (f.term, f.name, f.flight, f.entry) == (i, name, "", entry)
     )
@@ -436,16 +439,16 @@ def greatest_height(flights: Sequence[FlightResiduals]) -> float:
     """Return the largest height of flights above the ground [m]; infinite where logs do not tell
     it.
     """
-    if any("height" in e.log.lacks for e in flights):
+    if any("height" in flight.log.lacks for flight in flights):
         return np.inf
-    return max(float(e.rows.x[:, P][:, 2].max()) for e in flights)
+    return max(float(flight.rows.x[:, P][:, 2].max()) for flight in flights)
 
 
 def at_its_bound(effect: Effect) -> bool:
     """Return whether a parameter lies at a physical bound that is not its neutral value."""
     for p in effect.parameters:
         value = float(getattr(effect, p.name))
-        edge = EDGE * (p.upper - p.lower)
+        edge = BOUND_EDGE * (p.upper - p.lower)
         ends = value <= p.lower + edge or value >= p.upper - edge
         if ends and not p.choices and abs(value - p.neutral) > edge:
             return True
@@ -463,7 +466,9 @@ def impossible(fit: Fit, i: int, vehicle: Vehicle, height: float) -> str:
     effect = fit.terms[i].effect
     if at_its_bound(effect):
         return "a figure at its bound is none"
-    tried = [np.linspace(*interval(fit, i, p.name), STEPS).tolist() for p in effect.parameters]
+    tried = [
+        np.linspace(*interval(fit, i, p.name), INTERVAL_POINTS).tolist() for p in effect.parameters
+    ]
     figures = (
         dict(zip(effect.values, combination, strict=True)) for combination in product(*tried)
     )
@@ -474,7 +479,7 @@ def impossible(fit: Fit, i: int, vehicle: Vehicle, height: float) -> str:
     return "" if any(possible) else "no vehicle can have such figures"
 
 
-ITERATIONS = 6
+FIT_ITERATIONS = 6
 AGAIN = 3  # largest number of restarts of a descent with a hidden swing; own choice
 
 
@@ -483,7 +488,7 @@ def refit(
     model: Model,
     known: Fit | None,
     noise: NoiseModel | None = None,
-    iterations: int = ITERATIONS,
+    iterations: int = FIT_ITERATIONS,
 ) -> Fit:
     """Fit a model's parameters, starting from a known fit of the same effects where there is one.
 
@@ -516,12 +521,15 @@ def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
     if not any(t.effect.has_hidden_state for t in terms):
         return refit(problem, model, None, iterations=iterations)
     same_scale = scale_only(
-        [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights],
+        [
+            flight.known(flight.bridged(flight.y - predicted_residual(flight, terms)))
+            for flight in flights
+        ],
         flights[0].grid.step,
     )
     fitted_terms = {
-        e.name: fitted_to_whole_flight(terms, e, same_scale, problem.options.priors)
-        for e in flights
+        flight.name: fitted_to_whole_flight(terms, flight, same_scale, problem.options.priors)
+        for flight in flights
     }
     swung = [
         dc.replace(
@@ -540,7 +548,7 @@ def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseMode
     """
     for _ in range(AGAIN if any(t.effect.has_hidden_state for t in fit.terms) else 0):
         before = fit
-        fit = _descend(problem, model, list(fit.terms), noise, ITERATIONS)
+        fit = _descend(problem, model, list(fit.terms), noise, FIT_ITERATIONS)
         if fit.log_evidence < before.log_evidence + 1.0:
             return max(before, fit, key=lambda f: f.log_evidence)
     return fit
@@ -551,7 +559,9 @@ def fit_of_subset(
 ) -> Fit:
     """Return the fit of some effects of another fit alone, with the calibration that suits them."""
     kept = [i for i, t in enumerate(fit.terms) if t.effect.identifier in names]
-    refitted = _descend(problem, Model((), 0.0), [fit.terms[i] for i in kept], noise, ITERATIONS)
+    refitted = _descend(
+        problem, Model((), 0.0), [fit.terms[i] for i in kept], noise, FIT_ITERATIONS
+    )
     return dc.replace(refitted, onset_prior=sum(fit.onset_prior_of(i) for i in kept))
 
 
@@ -562,7 +572,7 @@ def _descend(
     acting = [t.effect for t in start if not t.onset]
     calibration = [
         d
-        for d in file_deviations(problem.flights[0].vehicle, problem.options.tolerance)
+        for d in file_priors(problem.flights[0].vehicle, problem.options.tolerance)
         if not (d.stated and any(map(d.is_of, acting)))
     ]
     fit = refine(problem, start, calibration, noise, iterations)

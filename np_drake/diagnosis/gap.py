@@ -61,8 +61,8 @@ def localise(
 
     after: by flight, (m, 15) residual after the causes. rows: (m,) bool, those that count.
     """
-    before = {e.name: e.against_file[:, WRENCH] for e in flights}
-    residual = {e.name: after[e.name][:, WRENCH] for e in flights}
+    before = {flight.name: flight.against_file[:, WRENCH] for flight in flights}
+    residual = {flight.name: after[flight.name][:, WRENCH] for flight in flights}
     was, now = (
         np.sqrt(np.mean(np.concatenate([of[n][rows[n]] for n in of]) ** 2, axis=0))
         for of in (before, residual)
@@ -72,7 +72,7 @@ def localise(
             map(ChannelGap, CHANNELS, UNITS, was.tolist(), noise.rms.tolist(), now.tolist())
         ),
         regimes=_regimes(flights, residual, noise),
-        times={e.name: e.t for e in flights},
+        times={flight.name: flight.t for flight in flights},
         before=before,
         after=residual,
     )
@@ -98,10 +98,10 @@ def _regimes(
     flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel
 ) -> tuple[Regime, ...]:
     """Return the RMS residual before and after, (m, 6) by flight, in ranges of each quantity."""
-    all_of = [quantities(e) for e in flights]
+    all_of = [quantities(flight) for flight in flights]
     scale = np.maximum(noise.rms[WRENCH], 1e-12)
-    before = np.concatenate([e.against_file[:, WRENCH] for e in flights]) / scale
-    residual = np.concatenate([after[e.name] for e in flights]) / scale
+    before = np.concatenate([flight.against_file[:, WRENCH] for flight in flights]) / scale
+    residual = np.concatenate([after[flight.name] for flight in flights]) / scale
     out = []
     for key in all_of[0]:
         value = np.concatenate([q[key] for q in all_of])
@@ -145,22 +145,28 @@ def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
     """Return RMS values and spans over all flights by quantity, with the unit in the key; 0 of what
     was not logged.
     """
-    v = np.concatenate([e.mids.x[:, V] * ("velocity" not in e.log.lacks) for e in flights])
-    height = np.concatenate([e.mids.x[:, 2] * ("height" not in e.log.lacks) for e in flights])
-    up = np.clip(attitude.body_z(np.concatenate([e.mids.q for e in flights]))[:, 2], -1, 1)
-    f = np.concatenate([e.nominal[:, 2] for e in flights])
+    v = np.concatenate(
+        [flight.mids.x[:, V] * ("velocity" not in flight.log.lacks) for flight in flights]
+    )
+    height = np.concatenate(
+        [flight.mids.x[:, 2] * ("height" not in flight.log.lacks) for flight in flights]
+    )
+    up = np.clip(
+        attitude.body_z(np.concatenate([flight.mids.q for flight in flights]))[:, 2], -1, 1
+    )
+    f = np.concatenate([flight.nominal[:, 2] for flight in flights])
 
     def rms(a: np.ndarray) -> float:
         return float(np.sqrt(np.mean(np.sum(a**2, axis=1))))
 
     return {
         "speed [m/s]": rms(v),
-        "rate [rad/s]": rms(np.concatenate([e.w for e in flights])),
+        "rate [rad/s]": rms(np.concatenate([flight.w for flight in flights])),
         "tilt [deg]": rms(np.degrees(np.arccos(up))[:, None]),
         "thrust variation [1]": float(f.std() / max(abs(f.mean()), 1e-9)),
-        "torque [N·m]": rms(np.concatenate([e.nominal[:, TORQUE] for e in flights])),
+        "torque [N·m]": rms(np.concatenate([flight.nominal[:, TORQUE] for flight in flights])),
         "height span [m]": float(np.ptp(height)),
-        "duration [s]": float(sum(e.t[-1] - e.t[0] for e in flights)),
+        "duration [s]": float(sum(flight.t[-1] - flight.t[0] for flight in flights)),
     }
 
 
@@ -173,7 +179,11 @@ def assess_identifiability(
     train: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals], noise: NoiseModel
 ) -> Identifiability:
     """Return excitation, noise floor and warnings of the logs."""
-    warnings = [f"{e.name}: {note}" for e in [*train, *held_out] for note in e.log.findings]
+    warnings = [
+        f"{flight.name}: {finding}"
+        for flight in [*train, *held_out]
+        for finding in flight.log.findings
+    ]
     if train[0].log.input == "rotor_speed":
         warnings.append(
             "rotor speed is the input: motor_lag, command_delay and clock_offset cannot be told."
@@ -186,21 +196,21 @@ def assess_identifiability(
             "than in the file."
         )
     hidden = hidden_from(train)
-    for quantity in sorted({quantity for e in train for quantity in e.log.lacks}):
+    for quantity in sorted({quantity for flight in train for quantity in flight.log.lacks}):
         names = ", ".join(
             name for name, reason in hidden.items() if reason == REQUIREMENTS[quantity]
         )
         warnings += [f"{REQUIREMENTS[quantity]}: {names} cannot be told."] if names else []
-    for e in [*train, *held_out]:
-        if e.log.a is None:
+    for flight in [*train, *held_out]:
+        if flight.log.a is None:
             warnings.append(
-                f"{e.name}: no acceleration; velocity is differentiated, accelerometer_bias cannot "
-                "be told."
+                f"{flight.name}: no acceleration; velocity is differentiated, "
+                "accelerometer_bias cannot be told."
             )
-        if e.attitude_noise > QUIET:
-            how = "turned with it" if e.turned else "free of it"
+        if flight.attitude_noise > QUIET:
+            how = "turned with it" if flight.turned else "free of it"
             warnings.append(
-                f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; "
+                f"{flight.name}: attitude noise of {1e3 * flight.attitude_noise:.1f} mrad; "
                 f"acceleration is {how}."
             )
     return Identifiability(
@@ -230,19 +240,21 @@ def unexcited_diagnosis(
     flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
 ) -> Diagnosis:
     """Return the diagnosis of flights in which nothing moves: an empty verdict."""
-    noise = fit_noise([e.y for e in flights], flights[0].grid.step)
-    rows = {e.name: np.ones(len(e.t), bool) for e in held_out}
+    noise = fit_noise([flight.y for flight in flights], flights[0].grid.step)
+    rows = {flight.name: np.ones(len(flight.t), bool) for flight in held_out}
     warnings = ("nothing is excited: these logs cannot tell.",)
-    size = pooled([e.y for e in held_out], noise)
+    size = pooled([flight.y for flight in held_out], noise)
     return Diagnosis(
         vehicle=flights[0].vehicle.name,
         nominal=flights[0].vehicle,
-        train=tuple(e.name for e in flights),
-        held_out=tuple(e.name for e in held_out),
+        train=tuple(flight.name for flight in flights),
+        held_out=tuple(flight.name for flight in held_out),
         verdict=(),
         causes=(),
         identifiability=Identifiability(False, excitation(flights), {}, warnings),
-        localisation=localise(held_out, {e.name: e.y for e in held_out}, noise, rows),
+        localisation=localise(
+            held_out, {flight.name: flight.y for flight in held_out}, noise, rows
+        ),
         gap_reduction=GapReduction(size, size),
         warnings=warnings,
         cannot_tell=True,
@@ -256,8 +268,8 @@ VELOCITY_SPAN = 0.05  # half width of the cubic through the velocity [s]
 RATE_SPAN = 0.03  # half width of the cubic through the body rates [s]
 PAYLOAD_SPAN = 0.1  # half width of the local parabolas through velocity, force and direction [s]
 SLACK = 0.2  # pull over the payload's weight below which its direction is unknown [1]
-DRAWS = 1000  # bootstrap samples
-SEED = 0  # bootstrap seed, so that equal errors give equal intervals
+BOOTSTRAP_DRAWS = 1000  # bootstrap samples
+BOOTSTRAP_SEED = 0  # bootstrap seed, so that equal errors give equal intervals
 
 
 @dc.dataclass(frozen=True)
@@ -389,7 +401,9 @@ def replay_gap(errors: np.ndarray, horizons: tuple[float, ...]) -> ReplayGap:
             a start that diverged.
         horizons: horizons of the replay [s].
     """
-    draws = np.random.default_rng(SEED).integers(len(errors), size=(DRAWS, len(errors)))
+    draws = np.random.default_rng(BOOTSTRAP_SEED).integers(
+        len(errors), size=(BOOTSTRAP_DRAWS, len(errors))
+    )
     medians = np.array([np.median(errors[draw], axis=0) for draw in draws])
     with np.errstate(invalid="ignore"):  # inf - inf where many starts diverged
         lower, upper = np.quantile(medians, [0.025, 0.975], axis=0, method="nearest")
@@ -416,11 +430,11 @@ def measure_gap_reduction(
     """
     flights = held_out.flights
     warnings = [
-        f"{e.name}: too short to judge a payload by rows to which its swing was not fitted."
-        for e in flights
-        if scored_on_fitted_rows(held_out.terms[e.name], e)
+        f"{flight.name}: too short to judge a payload by rows to which its swing was not fitted."
+        for flight in flights
+        if scored_on_fitted_rows(held_out.terms[flight.name], flight)
     ]
-    before = pooled([e.against_file[held_out.rows[e.name]] for e in flights], noise)
+    before = pooled([flight.against_file[held_out.rows[flight.name]] for flight in flights], noise)
     after = remaining_residual(causes, noise, held_out)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     if replay is not None:
@@ -430,18 +444,25 @@ def measure_gap_reduction(
             if c.effect is None:
                 continue
             onset = dict[str, float | None]()  # from the first row of the log on [s]
-            for e in flights:
+            for flight in flights:
                 kept = (
-                    t for t in held_out.kept(e.name, named) if t.effect.identifier == c.identifier
+                    t
+                    for t in held_out.kept(flight.name, named)
+                    if t.effect.identifier == c.identifier
                 )
-                begin = next((t.begins(e.name) for t in kept), None)
-                onset[e.name] = None if begin is None else begin - float(e.log.t[0])
+                begin = next((t.begins(flight.name) for t in kept), None)
+                onset[flight.name] = None if begin is None else begin - float(flight.log.t[0])
             effects.append((c.effect.predicted, onset))
             for k, effect in enumerate(c.later):  # each takes the place of the one before
-                onset = {e.name: c.changes[e.name][k] - float(e.log.t[0]) for e in flights}
+                onset = {
+                    flight.name: c.changes[flight.name][k] - float(flight.log.t[0])
+                    for flight in flights
+                }
                 effects.append((effect, onset))
-        logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
-        effects += [(effect, {e.name: None for e in flights}) for effect in calibration]
+        logs = [
+            _judging(flight, [onset[flight.name] for _, onset in effects]) for flight in flights
+        ]
+        effects += [(effect, {flight.name: None for flight in flights}) for effect in calibration]
         replays = replay(logs, []), None
         try:
             replays = replays[0], replay(logs, effects) if effects else None
@@ -456,7 +477,9 @@ def with_held_out_gains(
     """Return the causes with the share of the held-out gap above the noise that comes back without
     each [1]; NaN where there is no gap.
     """
-    nominal = pooled([e.against_file[held_out.rows[e.name]] for e in held_out.flights], noise)
+    nominal = pooled(
+        [flight.against_file[held_out.rows[flight.name]] for flight in held_out.flights], noise
+    )
     with_all = remaining_residual(causes, noise, held_out)
     gap = nominal**2 - 1.0
     scored = []

@@ -14,21 +14,21 @@ from np_drake import attitude
 from np_drake.diagnosis.fitting import refit
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.options import SURE, Options
+from np_drake.diagnosis.options import HALF_WIDTH_95, Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY, Model, Onset, switched
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
-from np_drake.diagnosis.selection.change_point import EDGE
+from np_drake.diagnosis.selection.change_point import ONSET_EDGE
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
-BIN = 0.1  # over which the force is averaged, to a whole number of rows [s]
-SPAN = 20.0  # what lies farther apart counts as independent [s]
+WIND_BIN = 0.1  # over which the force is averaged, to a whole number of rows [s]
+COVARIANCE_SPAN = 20.0  # what lies farther apart counts as independent [s]
 # correlation time [s]
 SHORTEST_TIME = 0.1
 LONGEST_TIME = 20.0
-STEP = 0.02  # of the logarithms, for their curvature [1]
+CURVATURE_STEP = 0.02  # of the logarithms, for their curvature [1]
 
 
 Begins = Mapping[str, float | None]  # by flight, when the wind begins [s]; None: from the start
@@ -84,21 +84,21 @@ def wind_force(
     deviation, time, white = np.exp(best)
     # (k, k) second derivatives by central differences, with a weak prior: a figure may not
     # matter at all.
-    E = STEP * np.eye(len(best))
+    E = CURVATURE_STEP * np.eye(len(best))
 
     def slope(z: np.ndarray) -> np.ndarray:
-        return np.array([loss(z + e) - loss(z - e) for e in E]) / (2 * STEP)
+        return np.array([loss(z + e) - loss(z - e) for e in E]) / (2 * CURVATURE_STEP)
 
-    H = np.array([slope(best + e) - slope(best - e) for e in E]) / (2 * STEP)
+    H = np.array([slope(best + e) - slope(best - e) for e in E]) / (2 * CURVATURE_STEP)
     values, vectors = np.linalg.eigh(H)
     wide = np.exp(
-        SURE
+        HALF_WIDTH_95
         * np.sqrt(np.diag(np.linalg.inv(vectors @ np.diag(np.maximum(values, 0.25)) @ vectors.T)))
     )
     F, one, _ = whitened(pieces, size_of_bin, deviation, time, white)
     mean = one @ F / (one @ one)  # generalised least squares, of variance 1 / (1'C^-1 1)
     return WindForce(
-        np.stack([mean, np.full(3, SURE / np.sqrt(one @ one))], axis=1),
+        np.stack([mean, np.full(3, HALF_WIDTH_95 / np.sqrt(one @ one))], axis=1),
         (float(deviation), float(deviation / wide[0]), float(deviation * wide[0])),
         (float(time), float(time / wide[1]), float(time * wide[1])),
         float(white),
@@ -127,58 +127,58 @@ def whitened(
     )
 
 
-def forces(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
+def forces(flight: FlightResiduals, residual: np.ndarray) -> np.ndarray:
     """Return (k, 3) the residual force in W averaged over bins [N], from a residual (m, 15).
 
     Args:
         residual: (m, 15) of the flight.
     """
-    return binned(e, attitude.rotate(e.q, residual[:, FORCE]))
+    return binned(flight, attitude.rotate(flight.q, residual[:, FORCE]))
 
 
-def drags(e: FlightResiduals) -> np.ndarray:
+def drags(flight: FlightResiduals) -> np.ndarray:
     """Return (k, 3, 3) the force in W of a unit drag along each body axis (the last), averaged over
     bins [m/s].
     """
     return np.stack(
         [
-            forces(e, predicted_residual(e, [Term(LinearDrag(*axis))]))
+            forces(flight, predicted_residual(flight, [Term(LinearDrag(*axis))]))
             for axis in np.eye(3).tolist()
         ],
         axis=-1,
     )
 
 
-def binned(e: FlightResiduals, values: np.ndarray) -> np.ndarray:
+def binned(flight: FlightResiduals, values: np.ndarray) -> np.ndarray:
     """Return (k, a) the means over bins of values (m, a) on the grid.
 
     Args:
         values: (m, a) on the grid.
     """
-    size = _size(e)
+    size = _size(flight)
     return values[: len(values) // size * size].reshape(-1, size, values.shape[1]).mean(axis=1)
 
 
-def width(e: FlightResiduals) -> float:
+def width(flight: FlightResiduals) -> float:
     """Return the width of a bin [s]."""
-    return _size(e) * e.grid.step
+    return _size(flight) * flight.grid.step
 
 
-def instants(e: FlightResiduals) -> np.ndarray:
+def instants(flight: FlightResiduals) -> np.ndarray:
     """Return (k,) the times at which bins begin [s]."""
-    return e.t[0] + width(e) * np.arange(len(e.t) // _size(e))
+    return flight.t[0] + width(flight) * np.arange(len(flight.t) // _size(flight))
 
 
-def spans(e: FlightResiduals, values: np.ndarray, begin: float | None) -> list[np.ndarray]:
+def spans(flight: FlightResiduals, values: np.ndarray, begin: float | None) -> list[np.ndarray]:
     """Return bins (k, a) of a flight from `begin` on [s] (None: from the start), in pieces of at
-    most `SPAN`.
+    most `COVARIANCE_SPAN`.
 
     Args:
         values: (k, a) of all bins.
         begin: [s]; None: from the start.
     """
-    later = values[0 if begin is None else np.searchsorted(instants(e), begin) :]
-    most = round(SPAN / width(e))
+    later = values[0 if begin is None else np.searchsorted(instants(flight), begin) :]
+    most = round(COVARIANCE_SPAN / width(flight))
     return [later[i : i + most] for i in range(0, len(later), most) if len(later) - i > 1]
 
 
@@ -204,13 +204,13 @@ def factor(
     return scipy.linalg.cholesky(scipy.linalg.toeplitz(column), lower=True)
 
 
-def _size(e: FlightResiduals) -> int:
-    return max(1, round(BIN / e.grid.step))
+def _size(flight: FlightResiduals) -> int:
+    return max(1, round(WIND_BIN / flight.grid.step))
 
 
-LAST = 1.0  # of a flight, in which no begin is looked for [s]
+LATE_BEGIN = 1.0  # of a flight, in which no begin is looked for [s]
 LEAST_STILL = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
-ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
+WIND_ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
 SIZES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of that error, in tolerances [1]; own choice
 # of a bin's noise, in what bins differ by from their neighbours' line [1]; own choice
 WHITES = 0.6, 0.8, 1.0
@@ -221,7 +221,7 @@ Begin = tuple[float | None, float]
 
 
 def wind_onset(
-    e: FlightResiduals,
+    flight: FlightResiduals,
     residual: np.ndarray,
     begin: float | None,
     wind: WindForce,
@@ -241,15 +241,15 @@ def wind_onset(
         gain: least log likelihood that a better onset must bring.
     Source: likelihood of a change point; the two sides independent (own choice).
     """
-    bins = forces(e, residual)[:, :2]
-    t = instants(e)
+    bins = forces(flight, residual)[:, :2]
+    t = instants(flight)
     here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
     deviation = wind.deviation[0]
     time = wind.correlation_time[0]
-    root = factor(len(t), width(e), deviation, time, wind.white, deviation)
+    root = factor(len(t), width(flight), deviation, time, wind.white, deviation)
     # A stationary process is the same backwards: one solution has those from every bin to the last.
     loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
-    near = (t > t[0] + (LEAST_STILL if begin is None else EDGE)) & (t < t[-1] - LAST)
+    near = (t > t[0] + (LEAST_STILL if begin is None else ONSET_EDGE)) & (t < t[-1] - LATE_BEGIN)
     tried = np.union1d(np.flatnonzero(near), [0, here])
     best = int(tried[np.argmin(loss[tried])])
     if loss[here] - loss[best] <= 2 * gain:
@@ -274,20 +274,27 @@ def onsets_of(
     """
     windy, still = residuals
     before = {
-        e.name: still_air_loss(e, still[e.name], wind, options) for e in (*flights, *held_out)
+        flight.name: still_air_loss(flight, still[flight.name], wind, options)
+        for flight in (*flights, *held_out)
     }
 
-    def sought(e: FlightResiduals, begin: float | None, gain: float) -> Begin:
-        return wind_onset(e, windy[e.name], begin, wind, before[e.name], gain)
+    def sought(flight: FlightResiduals, begin: float | None, gain: float) -> Begin:
+        return wind_onset(flight, windy[flight.name], begin, wind, before[flight.name], gain)
 
-    onsets = {e.name: sought(e, known.get(e.name), options.priors.onset_gain) for e in flights}
+    onsets = {
+        flight.name: sought(flight, known.get(flight.name), options.priors.onset_gain)
+        for flight in flights
+    }
     late = any(at is not None for at, _ in onsets.values())
     gain = options.priors.onset_gain if late else options.priors.new_onset_gain
-    return onsets | {e.name: sought(e, known.get(e.name) if late else None, gain) for e in held_out}
+    return onsets | {
+        flight.name: sought(flight, known.get(flight.name) if late else None, gain)
+        for flight in held_out
+    }
 
 
 def still_air_loss(
-    e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options
+    flight: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options
 ) -> np.ndarray:
     """Return (k,) the -2 log likelihood of the level forces in the bins before each bin, without a
     wind.
@@ -300,21 +307,21 @@ def still_air_loss(
         residual: (m, 15) what is left of the flight in still air.
         wind: statistics of the wind's force, for its white noise.
     """
-    bins = forces(e, residual)[:, :2]
+    bins = forces(flight, residual)[:, :2]
     if not options.tolerance.real:
         count = 2 * np.arange(len(bins))
         squares = np.sum(bins**2, axis=1)
         power = np.cumsum(squares) - squares
         noise = np.maximum(wind.white**2, power / np.maximum(count, 1))
         return power / noise + count * np.log(noise)
-    size = e.weight * options.tolerance.attitude
+    size = flight.weight * options.tolerance.attitude
     drift, _ = options.priors.attitude_drift
     spread = options.priors.attitude_spread
     rough = np.sqrt(np.mean(np.diff(bins, 2, axis=0) ** 2) / 6)
-    n = min(len(bins), round(SPAN / width(e)))
+    n = min(len(bins), round(COVARIANCE_SPAN / width(flight)))
     return np.min(
         [
-            _still_air_loss_of(bins, factor(n, width(e), s * size, drift, w * rough, size))
+            _still_air_loss_of(bins, factor(n, width(flight), s * size, drift, w * rough, size))
             + (np.log(s) / spread) ** 2
             for s in SIZES
             for w in WHITES
@@ -407,12 +414,14 @@ def as_gusts(
 
 
 def _without_drag(
-    through_drag: np.ndarray, e: FlightResiduals, drag: LinearDrag, begins: Begins
+    through_drag: np.ndarray, flight: FlightResiduals, drag: LinearDrag, begins: Begins
 ) -> np.ndarray:
     """Return (m, 15) what the wind pushes through the drag, without the drag itself, which acts
     from its begin on.
     """
-    return through_drag - predicted_residual(e, [Term(drag, {e.name: begins.get(e.name)})])
+    return through_drag - predicted_residual(
+        flight, [Term(drag, {flight.name: begins.get(flight.name)})]
+    )
 
 
 def _statistics(
@@ -429,14 +438,14 @@ def _statistics(
     tilt = tolerance.attitude / np.sqrt(len(flights))
     off = (
         flights[0].weight
-        * SURE
+        * HALF_WIDTH_95
         * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
     )
     out = {}
     for i, p in enumerate(GustyWind.parameters[:3]):
         half = float(np.hypot(force.mean[i, 1], off[i])) / abs(d[i])
         usual = UPWARD if p.name == "mean_z" else p.typical
-        shrinkage = usual**2 / (usual**2 + (half / SURE) ** 2)
+        shrinkage = usual**2 / (usual**2 + (half / HALF_WIDTH_95) ** 2)
         value = shrinkage * force.mean[i, 0] / d[i]
         half = float(np.hypot(np.sqrt(shrinkage) * half, known * value))
         out[p.name] = Estimate(float(value), "m/s", (float(value) - half, float(value) + half))
@@ -467,20 +476,34 @@ def _onsets(
     effect = drag.effect
     assert isinstance(effect, LinearDrag)
     windy = {
-        e.name: _without_drag(through_drag[e.name], e, effect, {}) for e in (*flights, *held_out)
+        flight.name: _without_drag(through_drag[flight.name], flight, effect, {})
+        for flight in (*flights, *held_out)
     }
     at_once = (
-        2 * options.priors.onset_gain * any(drag.onset.get(e.name) is not None for e in flights)
+        2
+        * options.priors.onset_gain
+        * any(drag.onset.get(flight.name) is not None for flight in flights)
     )
-    for _ in range(ROUNDS):
-        residuals = {e.name: _without_drag(through_drag[e.name], e, effect, acts) for e in flights}
+    for _ in range(WIND_ROUNDS):
+        residuals = {
+            flight.name: _without_drag(through_drag[flight.name], flight, effect, acts)
+            for flight in flights
+        }
         wind = wind_force(flights, residuals, known)
         apart, together = (
             onsets_of(flights, held_out, (windy, still), known, wind, options)
             for still in (windy, through_drag)
         )
-        late = [e for e in flights if any(b[e.name][0] is not None for b in (apart, together))]
-        both = at_once + sum(apart[e.name][1] - together[e.name][1] for e in late or held_out) > 0
+        late = [
+            flight
+            for flight in flights
+            if any(b[flight.name][0] is not None for b in (apart, together))
+        ]
+        both = (
+            at_once
+            + sum(apart[flight.name][1] - together[flight.name][1] for flight in late or held_out)
+            > 0
+        )
         known = {name: at for name, (at, _) in (together if both else apart).items()}
         acts = known if both else drag.onset
     return known, acts
@@ -503,9 +526,9 @@ def with_drag(ranking: Ranking) -> Ranking:
         i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset
     ]
     # The slow force that is left may begin in flight: its own power pays for instants.
-    residual = {e.name: ranking.best.residual(e) for e in problem.flights}
+    residual = {flight.name: ranking.best.residual(flight) for flight in problem.flights}
     begins: Begins = {}
-    for _ in range(ROUNDS):
+    for _ in range(WIND_ROUNDS):
         wind = wind_force(problem.flights, residual, begins)
         onsets = onsets_of(problem.flights, [], (residual, residual), begins, wind, ranking.options)
         begins = {name: at for name, (at, _) in onsets.items()}
@@ -533,8 +556,8 @@ def with_drag(ranking: Ranking) -> Ranking:
 
 def residuals_of(ranking: Ranking, held_out: HeldOut) -> dict[str, np.ndarray]:
     """Return by flight the residual (m, 15) of the best model [N, N·m, …]."""
-    rest = {e.name: ranking.best.residual(e) for e in ranking.problem.flights}
-    return rest | {e.name: held_out.swing_free_residual(e) for e in held_out.flights}
+    rest = {flight.name: ranking.best.residual(flight) for flight in ranking.problem.flights}
+    return rest | {flight.name: held_out.swing_free_residual(flight) for flight in held_out.flights}
 
 
 def with_gusts(
@@ -543,13 +566,13 @@ def with_gusts(
     """Return the causes with gusts among them, where a drag was found through which they act."""
     flights = ranking.problem.flights
     through_drag = residuals_of(ranking, held_out)
-    for e in (*flights, *held_out.flights):
+    for flight in (*flights, *held_out.flights):
         terms = [
             t
-            for t in held_out.terms.get(e.name, ranking.best.terms)
+            for t in held_out.terms.get(flight.name, ranking.best.terms)
             if t.effect.identifier in GUSTY
         ]
-        through_drag[e.name] = through_drag[e.name] + predicted_residual(e, terms)
+        through_drag[flight.name] = through_drag[flight.name] + predicted_residual(flight, terms)
     return as_gusts(flights, through_drag, causes, probability, ranking.options, held_out.flights)
 
 
@@ -565,15 +588,15 @@ def in_gusts(held_out: HeldOut, causes: Sequence[Cause]) -> HeldOut:
     assert drag.effect is not None
     terms = dict(held_out.terms)
     residual = dict(held_out.residual)
-    for e in held_out.flights:
-        kept = held_out.terms[e.name][: held_out.effects]
-        given = held_out.terms[e.name][held_out.effects :]
+    for flight in held_out.flights:
+        kept = held_out.terms[flight.name][: held_out.effects]
+        given = held_out.terms[flight.name][held_out.effects :]
         rest = [t for t in kept if t.effect.identifier not in GUSTY]
-        terms[e.name] = [
+        terms[flight.name] = [
             *rest,
-            Term(drag.effect, {e.name: drag.onset.get(e.name)}),
-            Term(gusts.effect.predicted, {e.name: gusts.onset.get(e.name)}),
+            Term(drag.effect, {flight.name: drag.onset.get(flight.name)}),
+            Term(gusts.effect.predicted, {flight.name: gusts.onset.get(flight.name)}),
             *given,
         ]
-        residual[e.name] = e.y - predicted_residual(e, terms[e.name])
+        residual[flight.name] = flight.y - predicted_residual(flight, terms[flight.name])
     return dc.replace(held_out, terms=terms, residual=residual, effects=len(rest) + 2)

@@ -288,15 +288,17 @@ class HeldOut:
     def remaining_residuals(self, identifiers: Collection[str]) -> dict[str, np.ndarray]:
         """Return by flight what some effects and the calibration leave (m, 15)."""
         return {
-            e.name: e.y - predicted_residual(e, self.kept(e.name, identifiers))
-            for e in self.flights
+            flight.name: flight.y - predicted_residual(flight, self.kept(flight.name, identifiers))
+            for flight in self.flights
         }
 
-    def swing_free_residual(self, e: FlightResiduals) -> np.ndarray:
+    def swing_free_residual(self, flight: FlightResiduals) -> np.ndarray:
         """Return the residual (m, 15) of a flight with a payload's swing fitted to all of it,
         outliers interpolated.
         """
-        return e.bridged(e.y - predicted_residual(e, self.whole_flight_terms[e.name]))
+        return flight.bridged(
+            flight.y - predicted_residual(flight, self.whole_flight_terms[flight.name])
+        )
 
 
 def on_held_out(
@@ -316,29 +318,29 @@ def on_held_out(
     full_flight = {}
     priors = options.priors
     unmeasured = options.tolerance.unmeasured
-    for e in flights:
-        known = adapt(fit.terms, e, noise, priors, fit.calibration, unmeasured=unmeasured)
-        terms[e.name] = list(known)
+    for flight in flights:
+        known = adapt(fit.terms, flight, noise, priors, fit.calibration, unmeasured=unmeasured)
+        terms[flight.name] = list(known)
         for i, term in enumerate(known):
-            begin = term.begins(e.name)
+            begin = term.begins(flight.name)
             spans = [
-                SwingFit(known, i, e, noise, begin, fitted_rows, priors)
-                for fitted_rows in hidden_state_rows(term, e)
+                SwingFit(known, i, flight, noise, begin, fitted_rows, priors)
+                for fitted_rows in hidden_state_rows(term, flight)
             ]
             if spans:
                 swings = spans[0].known + sum(
                     span.posterior_swings(slice(k * STATE, (k + 1) * STATE))
                     for k, span in enumerate(spans)
                 )
-                terms[e.name][i] = dc.replace(term, hidden={e.name: swings})
-        residual[e.name] = e.y - predicted_residual(e, terms[e.name])
-        rows[e.name] = scored_rows(terms[e.name], e)
-        full_flight[e.name] = fitted_to_whole_flight(known, e, noise, priors)
+                terms[flight.name][i] = dc.replace(term, hidden={flight.name: swings})
+        residual[flight.name] = flight.y - predicted_residual(flight, terms[flight.name])
+        rows[flight.name] = scored_rows(terms[flight.name], flight)
+        full_flight[flight.name] = fitted_to_whole_flight(known, flight, noise, priors)
     return HeldOut(flights, terms, residual, rows, full_flight, len(fit.terms))
 
 
 def with_calibration(
-    fit: Fit, e: FlightResiduals, noise: NoiseModel, options: Options
+    fit: Fit, flight: FlightResiduals, noise: NoiseModel, options: Options
 ) -> FlightResiduals:
     """Return a held-out flight without what the calibration of the vehicle gives, and what it
     differs by itself.
@@ -346,11 +348,13 @@ def with_calibration(
     An earlier calibration of the flight is undone.
     """
     if not options.tolerance.real:
-        return e
-    errors = errors_of(e, options.tolerance)
-    e = dc.replace(e, y=e.uncalibrated, calibrated=0.0)
-    shared = sum((columns(e) @ c for columns, c in fit.calibrated), start=np.zeros_like(e.y))
-    there = dc.replace(e, y=e.y - shared)
+        return flight
+    errors = errors_of(flight, options.tolerance)
+    flight = dc.replace(flight, y=flight.uncalibrated, calibrated=0.0)
+    shared = sum(
+        (columns(flight) @ c for columns, c in fit.calibrated), start=np.zeros_like(flight.y)
+    )
+    there = dc.replace(flight, y=flight.y - shared)
     terms = adapt(
         fit.terms,
         there,
@@ -361,10 +365,10 @@ def with_calibration(
     )
     residual = there.y - predicted_residual(there, terms)
     # Sensors that are worse in this flight do not decide about it.
-    louder = with_loudness(noise, [e.bridged(residual)], [e.name], quietest=1.0)
+    louder = with_loudness(noise, [flight.bridged(residual)], [flight.name], quietest=1.0)
     mean, _ = there.gram(louder, [errors], residual).posterior(np.arange(errors.shape[-1]))
     given = shared + errors @ mean
-    return dc.replace(e, y=e.known(e.y - given), calibrated=e.known(given))
+    return dc.replace(flight, y=flight.known(flight.y - given), calibrated=flight.known(given))
 
 
 def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:

@@ -143,13 +143,13 @@ class NoiseModel:
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
 
 
-ORDER = 20  # 0.4 s at 50 Hz
+NOISE_ORDER = 20  # 0.4 s at 50 Hz
 # white share added to every channel, for the highest frequencies that the low-pass removed [1]
 RIDGE = 1e-3
 ACTIVE = 1e-12  # a channel with less variance is absent
 # least error of a flight over that of all, so that a flight at rest does not dominate [1]; own
 # choice
-QUIETEST = 0.1
+QUIETEST_FLIGHT = 0.1
 
 
 def scale_only(residuals: list[np.ndarray], step: float) -> NoiseModel:
@@ -169,7 +169,7 @@ def with_loudness(
     noise: NoiseModel,
     residuals: list[np.ndarray],
     flights: Sequence[str],
-    quietest: float = QUIETEST,
+    quietest: float = QUIETEST_FLIGHT,
 ) -> NoiseModel:
     """Return the noise with an error level of each flight's own, so that the loudest does not
     decide for all.
@@ -221,13 +221,13 @@ def fit_noise(
     channels = residuals[0].shape[1]
     total = sum(len(r) for r in residuals)
     drift, sudden = (np.broadcast_to(rms, channels) ** 2.0 for rms in (slow, white))
-    phi = np.zeros((channels, ORDER))
+    phi = np.zeros((channels, NOISE_ORDER))
     innovation = np.zeros(channels)
     rms = np.sqrt(sum(np.sum(r**2, axis=0) for r in residuals) / total)
     rms[rms**2 < ACTIVE] = 0.0
     for c in np.flatnonzero(rms):
         lags = (
-            sum((_autocovariance(r[:, c]) for r in [*residuals, *smear]), np.zeros(ORDER + 1))
+            sum((_autocovariance(r[:, c]) for r in [*residuals, *smear]), np.zeros(NOISE_ORDER + 1))
             / total
         )
         lags += drift[c]
@@ -237,7 +237,7 @@ def fit_noise(
         innovation[c] = lags[0] - phi[c] @ lags[1:]
     plain = NoiseModel(phi, np.eye(channels), rms, innovation, step)
     driven = np.concatenate([plain.whiten(r) for r in [*residuals, *smear]])
-    rows = total - ORDER * len(residuals)
+    rows = total - NOISE_ORDER * len(residuals)
     sudden = np.where(plain.active, sudden * (1 + np.sum(phi**2, axis=1)), 0.0)
     covariance = driven.T @ driven / rows + np.diag(sudden)
     mixing = np.zeros((channels, channels))
@@ -251,8 +251,8 @@ def fit_noise(
 
 
 def _autocovariance(e: np.ndarray) -> np.ndarray:
-    """Return the sums of lagged products (`ORDER` + 1,) of e (n,)."""
-    return scipy.signal.correlate(e, e, method="fft")[len(e) - 1 :][: ORDER + 1]
+    """Return the sums of lagged products (`NOISE_ORDER` + 1,) of e (n,)."""
+    return scipy.signal.correlate(e, e, method="fft")[len(e) - 1 :][: NOISE_ORDER + 1]
 
 
 def places(sizes: Iterable[int], first: int = 0) -> list[slice]:
@@ -326,9 +326,9 @@ class Gram:
         mean = np.linalg.solve(XX + one, Xy[..., None])[..., 0]
         counts = np.array([len(g) for groups in sets for g in groups])
         group = np.repeat(np.arange(len(counts)), counts)
-        own = np.sqrt(np.bincount(group, mean.ravel() ** 2, len(counts)) / np.maximum(counts, 1))
-        own = np.where(np.concatenate(wide), np.maximum(own, 1.0), 1.0)
-        width = np.repeat(own, counts).reshape(mean.shape)
+        size = np.sqrt(np.bincount(group, mean.ravel() ** 2, len(counts)) / np.maximum(counts, 1))
+        size = np.where(np.concatenate(wide), np.maximum(size, 1.0), 1.0)
+        width = np.repeat(size, counts).reshape(mean.shape)
         factor = np.linalg.cholesky(XX * width[:, :, None] * width[:, None, :] + one)
         b = np.linalg.solve(factor, (Xy * width)[..., None])[..., 0]
         logdet = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)

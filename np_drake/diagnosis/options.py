@@ -7,7 +7,7 @@ import math
 
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.sources import SURE as SURE
+from np_drake.vehicle.sources import HALF_WIDTH_95 as HALF_WIDTH_95
 
 
 @dc.dataclass(frozen=True)
@@ -153,7 +153,7 @@ class Thresholds:
 
 
 @dc.dataclass(frozen=True)
-class Spread:
+class PriorSpread:
     """Standard deviations of healthy vehicles and of their flights.
 
     Source: the priors of the identification (`np_drake.identification.model`) where a field names
@@ -200,7 +200,7 @@ class Spread:
     yaw_drift: float = 0.2  # about yaw, over that about roll [1]
 
 
-SPREAD = Spread()
+PRIOR_SPREAD = PriorSpread()
 FREEDOM = 2.0  # degrees of freedom of the prior of a variance between flights; own choice
 
 

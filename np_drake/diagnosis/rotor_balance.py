@@ -7,7 +7,7 @@ in its reaction torque about yaw. Each hypothesis is a linear model of the m of 
 the vehicle has, what has changed in the later flights, and what each flight has of its own, with
 Gaussian priors. The variance between flights is not known, so that the evidence is that of
 Student's t.
-Source: Bayesian linear model with plug-in variances; deviations are those of `Spread`.
+Source: Bayesian linear model with plug-in variances; deviations are those of `PriorSpread`.
 """
 
 import dataclasses as dc
@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import scipy
 
-from np_drake.diagnosis.options import FREEDOM, SPREAD, SURE, Options
+from np_drake.diagnosis.options import FREEDOM, HALF_WIDTH_95, PRIOR_SPREAD, Options
 from np_drake.diagnosis.result import Cause, Estimate, ResidualFinding
 from np_drake.effects.base import arm
 from np_drake.effects.weak_rotor import WeakRotor
@@ -26,16 +26,16 @@ from np_drake.logs.inputs import hover_exponent
 from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
 
-BLOCK = 1.0  # over which inputs are averaged [s]
+BALANCE_BLOCK = 1.0  # over which inputs are averaged [s]
 LEAST_SHARE = 0.1  # of all rotors, below which one does not fly [1]; own choice
-LEAST_BLOCKS = 5  # of a flight that tells a balance; own choice
+LEAST_BALANCE_BLOCKS = 5  # of a flight that tells a balance; own choice
 LOSS = 0.2  # deviation of the thrust that a rotor lost [1]; own choice: a cut or chipped blade
 # Deviation of torque over thrust of a damaged rotor [1]; source: it goes with the radius.
 TORQUE_RATIO = 0.15
 # Centre of mass of a flight against others [arm]; source: prior of the identification.
 SHIFT = 0.02
 NAME = WeakRotor.identifier
-ROTORS = ("1", "2", "3", "4")
+ROTOR_NAMES = ("1", "2", "3", "4")
 EXPONENT = 0.2  # deviation of the power of input with which thrust goes, over it [1]; own choice
 
 
@@ -45,13 +45,13 @@ def flight_balance(log: FlightLog, vehicle: Vehicle) -> np.ndarray | None:
     """
     if log.balance is None:
         return None
-    rows = max(1, round(BLOCK / log.step))
+    rows = max(1, round(BALANCE_BLOCK / log.step))
     blocks = len(log) // rows
     shares = np.reshape(log.balance[: blocks * rows], (blocks, rows, 4))
     turning = shares[
         np.all(shares > LEAST_SHARE, axis=(1, 2)) & np.isfinite(shares).all(axis=(1, 2))
     ]
-    if len(turning) < LEAST_BLOCKS:
+    if len(turning) < LEAST_BALANCE_BLOCKS:
         return None
     return np.median(
         (hover_exponent(vehicle) * np.log(turning).mean(axis=1)) @ torque_map(vehicle).T, axis=0
@@ -99,13 +99,13 @@ def hypotheses(vehicle: Vehicle, prior: float) -> dict[str, Hypothesis]:
     turn = 4 * axes[:, 2:]
     by_name = {
         "nothing": Hypothesis(np.zeros((3, 0)), np.zeros(0), 0.0),
-        "centre of mass": Hypothesis(level, np.full(2, SPREAD.center_of_mass), prior),
-        "yaw": Hypothesis(turn, np.full(1, SPREAD.rotor_gain), prior),
+        "centre of mass": Hypothesis(level, np.full(2, PRIOR_SPREAD.center_of_mass), prior),
+        "yaw": Hypothesis(turn, np.full(1, PRIOR_SPREAD.rotor_gain), prior),
     }
-    for name, torque in zip(ROTORS, B.T, strict=True):
+    for name, torque in zip(ROTOR_NAMES, B.T, strict=True):
         both = np.stack([torque, axes[2]], axis=1)
         spread = np.array([LOSS, TORQUE_RATIO])
-        log_prior = prior - np.log(len(ROTORS))
+        log_prior = prior - np.log(len(ROTOR_NAMES))
         by_name[name] = Hypothesis(both, spread, log_prior, sign=1)
         by_name[f"{name} gives more"] = Hypothesis(both, spread, log_prior, sign=-1)
     return by_name
@@ -127,12 +127,12 @@ def weigh(
     late = np.arange(len(y)) >= len(before)
     squares = np.sum(B**2, axis=1)
     level = np.array([1.0, 1.0, 0.0])
-    usual = SPREAD.rotor_trim**2 * squares + (4 * SHIFT) ** 2 * level
+    usual = PRIOR_SPREAD.rotor_trim**2 * squares + (4 * SHIFT) ** 2 * level
     groups = [g for g in (before, after) if len(g)]
     within = sum((np.sum((g - g.mean(axis=0)) ** 2, axis=0) for g in groups), np.zeros(3))
     freedom = FREEDOM + n - len(groups)
     between = (FREEDOM * usual + within) / freedom
-    healthy = SPREAD.rotor_gain**2 * squares + (4 * SPREAD.center_of_mass) ** 2 * level
+    healthy = PRIOR_SPREAD.rotor_gain**2 * squares + (4 * PRIOR_SPREAD.center_of_mass) ** 2 * level
     base = np.kron(np.ones((n, n)), np.diag(healthy)) + np.kron(np.eye(n), np.diag(between))
     weighed = {}
     for name, h in hypotheses(vehicle, prior).items():
@@ -200,10 +200,10 @@ def compare_balance(
     smallest = _visible(old, new, vehicle, prior, least)
     visible = {f"{NAME}.efficiency": smallest} if np.isfinite(smallest) else {}
     weighed = weigh(old, new, vehicle, prior)
-    rotor = max(ROTORS, key=lambda name: weighed[name].probability)
+    rotor = max(ROTOR_NAMES, key=lambda name: weighed[name].probability)
     best = weighed[rotor]
     named = named_rotors([*before, *after], vehicle)[int(rotor) - 1]
-    half = SURE * float(np.hypot(best.error, EXPONENT * best.value))
+    half = HALF_WIDTH_95 * float(np.hypot(best.error, EXPONENT * best.value))
     value, low, high = np.exp([-best.value, -best.value - half, -best.value + half]).tolist()
     if best.value <= 0 or best.probability < FAINT:
         return RotorBalance(visible=visible)
@@ -238,7 +238,7 @@ def _visible(
     """
     sound = after - after.mean(axis=0) + before.mean(axis=0)
     seen = []
-    for rotor in ROTORS:
+    for rotor in ROTOR_NAMES:
         pattern = torque_map(vehicle)[:, int(rotor) - 1]
         named = (
             size

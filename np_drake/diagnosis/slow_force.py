@@ -46,7 +46,7 @@ def slow_force(
     Args:
         residual: by flight, (m, 15) what a model leaves of it.
     """
-    spectra = [_spectra(e, residual[e.name]) for e in flights]
+    spectra = [_spectra(flight, residual[flight.name]) for flight in flights]
     mass = flights[0].vehicle.mass
     gravity = flights[0].vehicle.gravity
     centre, spread = _prior(options, gravity, max(len(values) for _, values in spectra))
@@ -84,21 +84,21 @@ def _slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.nd
 
     In the body as in W: an attitude that is read askew turns with a vehicle that yaws.
     """
-    spectra = [_spectra(e, residual[e.name], upright=True) for e in flights]
+    spectra = [_spectra(flight, residual[flight.name], upright=True) for flight in flights]
     power = [np.sum(np.mean(values[0] ** 2, axis=1)) * f[0] for f, values in spectra]
     return float(flights[0].vehicle.mass ** 2 * np.mean(power))
 
 
-def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False) -> Spectra:
+def _spectra(flight: FlightResiduals, residual: np.ndarray, *, upright: bool = False) -> Spectra:
     """Return the spectra of what is left of a flight (m, 15); `upright`: without its mean in body
     axes, (3,).
     """
-    step = e.grid.step
-    R = e.q
+    step = flight.grid.step
+    R = flight.q
     slip = attitude.rotate(R, residual[:, POSITION])
     from_position = np.gradient(slip, step, axis=0) + attitude.rotate(R, residual[:, VELOCITY])
-    read = residual[:, FORCE] / e.vehicle.mass
-    both = [read + attitude.rotate_back(R, from_position), *([read] if e.turned else [])]
+    read = residual[:, FORCE] / flight.vehicle.mass
+    both = [read + attitude.rotate_back(R, from_position), *([read] if flight.turned else [])]
     both = [b - b.mean(axis=0) for b in both] if upright else both
     across = [attitude.rotate(R, b * [1.0, 1.0, 0.0])[:, :2] for b in both]
     edge = round(0.25 / (TOP * step))
@@ -179,7 +179,7 @@ def gust_probability(
     matters = deviation > options.materiality.force * flights[0].weight
     shown = seen > thresholds.held_out_share * thresholds.slow_force_evidence
     lost = hidden and _slow_power(flights, residual) < thresholds.held_out_share * _slow_power(
-        flights, {e.name: e.y for e in flights}
+        flights, {flight.name: flight.y for flight in flights}
     )
     if not matters or not shown or lost:
         return 0.0
@@ -199,24 +199,29 @@ def position_p_value(
     drag, under the gusts' covariance, as strong in each flight as they are there.
     """
     wind = wind_force(flights, residual, begins)
-    x = np.concatenate([e.rows.x[:, P] for e in flights])
+    x = np.concatenate([flight.rows.x[:, P] for flight in flights])
     # [m], for a height that is kept
     middle = x.mean(axis=0)
     size = x.std(axis=0) + 1e-9
     first, second = np.triu_indices(3)
     white = []
-    for e in flights:
-        at = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, P].T], axis=1)
+    for flight in flights:
+        at = np.stack(
+            [np.interp(flight.t, flight.rows.t, axis) for axis in flight.rows.x[:, P].T], axis=1
+        )
         place = (at - middle) / size
         level = np.hstack(
             [
-                forces(e, residual[e.name])[:, :2],
-                *np.moveaxis(drags(e)[:, :2], 1, 0),
-                binned(e, place),
-                binned(e, place[:, first] * place[:, second]),
+                forces(flight, residual[flight.name])[:, :2],
+                *np.moveaxis(drags(flight)[:, :2], 1, 0),
+                binned(flight, place),
+                binned(flight, place[:, first] * place[:, second]),
             ]
         )
-        pieces = [_about_its_mean(p, width(e), wind) for p in spans(e, level, begins.get(e.name))]
+        pieces = [
+            _about_its_mean(p, width(flight), wind)
+            for p in spans(flight, level, begins.get(flight.name))
+        ]
         if pieces:
             columns = np.concatenate(pieces)
             white.append(columns / np.sqrt(np.mean(columns[:, :2] ** 2)))

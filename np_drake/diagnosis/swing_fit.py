@@ -24,7 +24,7 @@ from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 # difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
 SMALL = 0.02
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
-STEPS = 3  # Gauss-Newton iterations
+DESCENT_STEPS = 3  # Gauss-Newton iterations
 GRID = 128  # swings in the grid of starts; own choice
 TRIED = 3  # best grid points from which to descend, besides the given swing; own choice
 WAYS = 32  # posterior samples of a swing, whose mean prediction is used; own choice
@@ -110,7 +110,7 @@ class SwingFit:
         """
         best = swing
         least = np.inf
-        for _ in range(STEPS + 1):
+        for _ in range(DESCENT_STEPS + 1):
             miss, X, A = self._normal(swing, free)
             cost = float(miss @ miss + np.sum((swing / self._prior) ** 2))
             if cost < least:

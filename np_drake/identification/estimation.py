@@ -196,10 +196,10 @@ class Layout:
         return {**self.fixed, **{p.name: p.value(c) for p, c in both}}
 
 
-ORDER = 16  # of the autoregressive model; own choice: 0.16 s at 100 Hz
+WHITENING_ORDER = 16  # of the autoregressive model; own choice: 0.16 s at 100 Hz
 OUTLYING = 3.0  # standard deviations from which a whitened residual counts less; Huber's bend
 # noise below which no channel is [m/s², rad/s², 1]; source: sensors have ten times as much
-LEAST = 1e-4
+LEAST_NOISE = 1e-4
 # from which it does not count; own choice: a Gaussian has none in a thousand years of flight
 IMPOSSIBLE = 8.0
 
@@ -217,7 +217,7 @@ class Whitening:
     weight: np.ndarray
 
     @classmethod
-    def of(cls, e: np.ndarray, good: np.ndarray, order: int = ORDER) -> "Whitening":
+    def of(cls, e: np.ndarray, good: np.ndarray, order: int = WHITENING_ORDER) -> "Whitening":
         """Return the filters that whiten residuals.
 
         Args:
@@ -237,7 +237,7 @@ class Whitening:
         kept = (reach < 0.5) & (np.arange(len(good)) >= order)
         size = np.abs(cls(taps, kept, np.ones(e.shape)).apply(deviation))
         spread = np.median(size[kept], axis=0) / 0.6745 if kept.any() else np.ones(e.shape[1])
-        spread = np.maximum(spread, LEAST * taps[:, 0])
+        spread = np.maximum(spread, LEAST_NOISE * taps[:, 0])
         ratio = size / spread
         weight = np.sqrt(np.minimum(1.0, OUTLYING / np.maximum(ratio, 1e-12))) / spread
         weight[ratio > IMPOSSIBLE] = 0.0
@@ -332,14 +332,14 @@ def _student(freedom: int) -> float:
 
 
 PASSES = 4  # of noise models
-ITERATIONS = 3  # of Gauss-Newton within one
-STEP = 1e-4  # of a finite difference, in standard deviations of the prior
+GAUSS_NEWTON_STEPS = 3  # of Gauss-Newton within one
+DIFFERENCE_STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 # length of the blocks into which a flight's scores are summed [s]; own choice: a manoeuvre
-BLOCK = 1.0
+SCORE_BLOCK = 1.0
 # blocks that are taken as dependent; own choice: up to the slow errors of an estimator
 TOGETHER = 1, 3, 9
 # of one length from which they tell a covariance; own choice: Student's factor is then 1.2
-LEAST_BLOCKS = 8
+LEAST_SCORE_BLOCKS = 8
 LEAST_FLIGHTS = 5  # from which flights are taken as independent clusters; own choice
 LARGEST = 2.0  # step in standard deviations of the prior
 BOUND = 6.0  # standard deviations of the prior beyond which a parameter does not go
@@ -405,7 +405,7 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
                 for part in single
             ]
         )
-        if together == 1 or len(scores) >= LEAST_BLOCKS:
+        if together == 1 or len(scores) >= LEAST_SCORE_BLOCKS:
             covariances.append(_sandwich(inverse, scores))
     # What disagreement adds to the variances of z (k,): between flights, and of what is their own.
     between = np.zeros(layout.size)
@@ -480,7 +480,7 @@ def _descend(
     damping = 0.0
     parts = shares(z)
     before = cost(z)
-    for _ in range(ITERATIONS):
+    for _ in range(GAUSS_NEWTON_STEPS):
         H = sum(p.information for p in parts) + np.eye(layout.size)
         g = sum(p.gradient for p in parts) + z
         for _ in range(5):
@@ -511,10 +511,12 @@ def _part(
     J = np.empty((len(indices), *e.shape))
     for column, i in enumerate(indices):
         moved = z.copy()
-        moved[i] += STEP
-        J[column] = whitening.apply((model.residual(layout.values(moved, number)) - e) / STEP)
+        moved[i] += DIFFERENCE_STEP
+        J[column] = whitening.apply(
+            (model.residual(layout.values(moved, number)) - e) / DIFFERENCE_STEP
+        )
     each = np.einsum("kmc,mc->mk", J, whitening.apply(e))
-    rows = max(1, round(BLOCK / model.flight.step))
+    rows = max(1, round(SCORE_BLOCK / model.flight.step))
     blocks = np.add.reduceat(each, np.arange(0, len(each), rows))
     k = layout.size
     information = np.zeros((k, k))

@@ -12,7 +12,7 @@ import scipy
 from np_drake.identification.estimation import Agreement, random_effect
 from np_drake.identification.identify import Identification
 from np_drake.identification.model import Values
-from np_drake.identification.quantities import OBSERVABLE_RATIO, SURE, Basis, Identified, Quantity
+from np_drake.identification.quantities import OBSERVABLE_RATIO, Z_975, Basis, Identified, Quantity
 
 DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice
 
@@ -83,7 +83,7 @@ def _shown(
         np.array(
             [
                 of(c) if np.isfinite(c) else np.nan
-                for c in agreement.values + k * SURE * agreement.sd
+                for c in agreement.values + k * Z_975 * agreement.sd
             ]
         )
         for k in (0, -1, 1)
@@ -134,7 +134,7 @@ def own_values(identification: Identification) -> list[FlightValues]:
         def value(z: float, parameter=parameter, of=of) -> float:
             return of(parameter.value(z), arm)
 
-        mean, *ends = (value(c) for c in (float(z.mean()), -SURE, SURE))
+        mean, *ends = (value(c) for c in (float(z.mean()), -Z_975, Z_975))
         p = float(scipy.stats.chi2.sf(Q, count - 1))
         constant = Quantity(name, "", unit, _constant(mean))
         quantity = Identified(constant, mean, mean, mean, (min(ends), max(ends)), True, p)

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from np_drake.identification.identify import Identification
-from np_drake.identification.quantities import SURE, Identified
+from np_drake.identification.quantities import Z_975, Identified
 from np_drake.identification.rate_loop import AxisLoop
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import MOST_IDLE, Calibration, RateLoop, ThrottleMap
@@ -29,7 +29,7 @@ SCALE_OF = {
     "collective": "throttle.full_thrust",
 }  # thrust from what turns rotors
 # least second moment of mass over the largest [1]; own choice: a sheet of 3 % of its length
-FLATTEST = 1e-3
+FLATTEST_BODY = 1e-3
 
 
 def identified_vehicle(identification: Identification, name: str) -> Vehicle:
@@ -120,7 +120,7 @@ class _Fields:
         for name, field in (("mass", "mass"), ("thrust", SCALE_OF.get(drive, ""))):
             if field in self.intervals:
                 low, high = self.intervals[field][0]
-                sigma = _rounded(np.log(high / low) / (2 * SURE))
+                sigma = _rounded(np.log(high / low) / (2 * Z_975))
                 self.values[f"{name}_uncertainty"] = min(sigma, VAGUE)
                 self.sources[f"{name}_uncertainty"] = self.sources[field]
 
@@ -202,7 +202,7 @@ def _possible(J: np.ndarray) -> np.ndarray | None:
     def spare(zz: float) -> float:
         out[2, 2] = zz
         moments = np.linalg.eigvalsh(0.5 * np.trace(out) * np.eye(3) - out)
-        return float(moments[0] - FLATTEST * moments[-1])
+        return float(moments[0] - FLATTEST_BODY * moments[-1])
 
     low = float(max(J[0, 0], J[1, 1]))
     high = float(J[2, 2])

@@ -9,13 +9,19 @@ import numpy as np
 import scipy
 
 from np_drake.flight_log import FlightLog
-from np_drake.identification.estimation import Estimate, Layout, estimate, parameters
+from np_drake.identification.estimation import (
+    DIFFERENCE_STEP,
+    Estimate,
+    Layout,
+    estimate,
+    parameters,
+)
 from np_drake.identification.model import FlightModel, Frame
 from np_drake.identification.quantities import (
     OBSERVABLE_RATIO,
     QUANTITIES,
     ROTOR_GAINS,
-    SURE,
+    Z_975,
     Basis,
     Identified,
     Quantity,
@@ -28,7 +34,7 @@ from np_drake.vehicle.rotor_layout import RotorName, rotor_names
 from np_drake.vehicle.vehicle import AIR
 
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
-LEAST = 1.5  # of it that counts [s]; own choice: half of that
+LEAST_COUNTING = 1.5  # of it that counts [s]; own choice: half of that
 REMEDY = "Fly roll and pitch doublets, fast turns of the heading and quick changes of height."
 FULL = 0.95  # throttle of hover from which no vehicle flies, so that it is in another unit [1]
 THRUST_NUMBERS = (0.05, 0.16)  # C_T of propellers that are made [1]; source: published static tests
@@ -43,7 +49,6 @@ C_T = (
 )
 OVER_UNIT = ("its share of m l²", "Check the wheelbase and the places of the rotors.")
 STRENGTH = ("thrust over that of hover at this throttle", "Check unit and ends of the throttle.")
-STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 
 
 @dc.dataclass(frozen=True)
@@ -78,8 +83,8 @@ class Identification:
             before, slope = self.of(q, np.zeros_like(e.z))
             sd = float(np.sqrt(e.variance(gradient)))
             prior = float(np.linalg.norm(_of_one_flight(slope, layout)))
-            wide = SURE * sd
-            known = SURE * prior
+            wide = Z_975 * sd
+            known = Z_975 * prior
             bounds = np.array([here, here - wide, here + wide, before - known, before + known])
             value, low, high, *both = (np.exp(bounds) if q.positive else bounds).tolist()
             observable = bool(0.0 < sd < OBSERVABLE_RATIO * prior)
@@ -99,7 +104,7 @@ class Identification:
             number = q.of(self.estimate.layout.values(z), self.basis)
             return float(np.log(number)) if q.positive else number
 
-        return value(z), scipy.optimize.approx_fprime(z, value, STEP)
+        return value(z), scipy.optimize.approx_fprime(z, value, DIFFERENCE_STEP)
 
     def __getitem__(self, name: str) -> Identified:
         """Return what is told of a quantity by its name."""
@@ -282,7 +287,7 @@ def unfit(flight: Signals, share: float = 1.0) -> str:
     if not np.isfinite(flight.input).all():
         return "what turns the rotors is not known in every row"
     seconds = float(flight.good.sum() * flight.step)
-    if seconds < LEAST * share:
+    if seconds < LEAST_COUNTING * share:
         return f"flies {seconds:.1f} s without gaps and faults"
     turns = flight.input[flight.edges[:-1]][flight.good].mean(axis=0) > 0
     return "" if turns.all() else "a rotor does not turn, as on a desk"

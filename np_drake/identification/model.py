@@ -14,7 +14,7 @@ from np_drake.training_data.segments import white_noise
 
 Values = dict[str, float]  # parameters of the model by name
 MOMENTS = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx, yy, zz, xy, xz, yz of a matrix
-FLATTEST = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]
+LARGEST_YAW_INERTIA = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]
 
 
 @dc.dataclass(frozen=True)
@@ -53,7 +53,9 @@ def inertia(v: Values) -> np.ndarray:
     xx = v["jxx"]
     yy = v["jxx"] * v["jyy"]
     xy, xz, yz = (-0.5 * (xx + yy) * v[name] for name in ("jxy", "jxz", "jyz"))
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, min(v["jzz"], FLATTEST) * (xx + yy)]])
+    return np.array(
+        [[xx, xy, xz], [xy, yy, yz], [xz, yz, min(v["jzz"], LARGEST_YAW_INERTIA) * (xx + yy)]]
+    )
 
 
 def rotor_gains(v: Values, frame: Frame) -> np.ndarray:

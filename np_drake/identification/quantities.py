@@ -21,7 +21,7 @@ from np_drake.vehicle.rotor_layout import RotorName
 
 # deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits
 OBSERVABLE_RATIO = 0.5
-SURE = 1.959964  # standard deviations of 95 %
+Z_975 = 1.959964  # standard deviations of 95 %
 
 
 @dc.dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from np_drake.flight_log import FlightLog
+from np_drake.vehicle.sources import HALF_WIDTH_95
 from np_drake.vehicle.vehicle import LOOP_GAINS, SLOWEST
 
 # Frequency [rad/s], damping [1] and delay [s] of a loop: where they are looked for, and from where;
@@ -19,11 +20,10 @@ TINY = 1e-12
 # time after which the start of a block is left out [s]; own choice: several lags of a slow loop
 FORGOTTEN = 1.0
 # of a flight, of which one is left out at a time [s]; own choice: several turns of a slow loop
-BLOCK = 5.0
+LOOP_BLOCK = 5.0
 FEWEST = 4  # blocks that give an interval [1]
-SURE = 1.96  # standard deviations of a 95 % interval
 # correlation of command and rate below which a loop is not shown [1]; source: own choice
-LEAST = 0.3
+LEAST_CORRELATION = 0.3
 
 
 @dc.dataclass(frozen=True)
@@ -70,7 +70,7 @@ def _blocks(log: FlightLog, axis: int) -> list[_Block]:
     if commanded is None or len(log) < 2:
         return []
     step = log.step
-    rows = max(int(BLOCK / log.step), 10)
+    rows = max(int(LOOP_BLOCK / log.step), 10)
     complete = np.isfinite(commanded[:, axis]) & np.isfinite(log.w[:, axis])
     complete[1:] &= np.abs(np.diff(log.t) - step) < 0.5 * step
     parts = (slice(start, start + rows) for start in range(0, len(log) - rows + 1, rows))
@@ -85,7 +85,9 @@ def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:
     if len(blocks) < FEWEST:
         return None
     z, gain, share = _fit(blocks, *np.log(STARTS))
-    if share < LEAST**2 or not (LOOP_GAINS[0] <= gain <= LOOP_GAINS[1] and _rise(z) <= SLOWEST):
+    if share < LEAST_CORRELATION**2 or not (
+        LOOP_GAINS[0] <= gain <= LOOP_GAINS[1] and _rise(z) <= SLOWEST
+    ):
         return None
     refits = [_fit([*blocks[:k], *blocks[k + 1 :]], z)[:2] for k in range(len(blocks))]
     leave_one_out = np.array([(_rise(part), g) for part, g in refits])
@@ -95,8 +97,8 @@ def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:
     deviation = np.sqrt(
         (n - 1) / n * np.sum((leave_one_out - leave_one_out.mean(axis=0)) ** 2, axis=0)
     )
-    low = np.maximum(middle - SURE * deviation, 0.0)
-    high = middle + SURE * deviation
+    low = np.maximum(middle - HALF_WIDTH_95 * deviation, 0.0)
+    high = middle + HALF_WIDTH_95 * deviation
     within = [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
     return AxisLoop(float(middle[0]), gain, within[0], within[1], most, share)
 

@@ -117,10 +117,10 @@ def left_out(logs: Sequence[FlightLog], drive: str) -> list[str]:
 
 # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its
 # rows
-BIN = 0.009
+LEAST_BIN = 0.009
 SPIKE = 12.0  # deviations from the median of neighbours from which a reading is a fault; own choice
 # input over force, of what it is in flight, below which the ground carries [1]; own choice
-CARRIED = 0.25
+GROUNDED_INPUT = 0.25
 # specific force over gravity below which a vehicle is thrown, held or falls [1]; own choice
 FLYING = 0.3
 
@@ -204,7 +204,7 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
             f"{log.name}: {field} must be numbers in every row; fill or cut those that are not.",
         )
     rows = len(log)
-    each = max(1, int(np.ceil(BIN / log.step - 0.1)))
+    each = max(1, int(np.ceil(LEAST_BIN / log.step - 0.1)))
     edges = np.arange(0, rows, each)
     length = np.diff(log.t[edges])[:, None]
     dt = np.diff(log.t)
@@ -249,7 +249,7 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     # In which bins (m,) the rotors carry the vehicle, and not the ground.
     lift = source[edges[:-1]] ** (2 if drive == "rotor_speed" else 1)
     ratio = lift.mean(axis=1) / np.maximum(np.linalg.norm(force, axis=1), FLYING * G)
-    good &= ratio > CARRIED * np.quantile(ratio[good], 0.9) if good.any() else good
+    good &= ratio > GROUNDED_INPUT * np.quantile(ratio[good], 0.9) if good.any() else good
     # A bin reaches to the row after its last.
     touched = bad[:-1] | bad[1:]
     good &= np.add.reduceat(touched[: edges[-1]], edges[:-1]) == 0

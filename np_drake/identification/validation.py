@@ -12,55 +12,55 @@ from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import Layout, estimate
 from np_drake.identification.identify import Identification
-from np_drake.identification.model import FlightModel, Frame, Rotors, Values, inertia
+from np_drake.identification.model import FORCE, TORQUE, FlightModel, Frame, Rotors, Values, inertia
 from np_drake.identification.signals import G, signals
+from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
 
 # of a bin; own choice: half of 10 ms, at which the fourth-order rule is exact for a rigid body
-SUBSTEPS = 2
+INTEGRATION_SUBSTEPS = 2
+START_INTERVAL = 0.1  # between the starts of predictions [s]
 ERRORS = ("position", "velocity", "attitude", "rates")  # [m, m/s, rad, rad/s]
 
 
 def predict(
-    model: FlightModel, log: FlightLog, v: Values, *, seconds: float, start_interval: float = 0.1
+    model: FlightModel, log: FlightLog, v: Values, *, seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the first bins (s,) of open-loop predictions, and their errors (k + 1, s, 4), of
     `ERRORS`, at the start and after each bin.
 
     Args:
         seconds: length of a prediction [s].
-        start_interval: between starts [s].
     """
     s = model.flight
     steps = max(1, round(seconds / s.step))
-    apart = max(1, round(start_interval / s.step))
+    apart = max(1, round(START_INTERVAL / s.step))
     first = np.arange(0, len(s) - steps, apart)
     first = np.array([b for b in first if s.good[b : b + steps].all()], int)
     if not len(first):
         raise ValueError(f"{log.name}: no stretch of {seconds:g} s without gaps to predict.")
     center = model.center(v)
     x = log.x[s.edges[first]]
-    R = attitude.rotation_matrix(x[:, 3:7])
-    x[:, 0:3] += R @ center
-    x[:, 7:10] += np.einsum("sij,sj->si", R, np.cross(x[:, 10:13], center))
+    R = attitude.rotation_matrix(x[:, Q])
+    x[:, P] += R @ center
+    x[:, V] += np.einsum("sij,sj->si", R, np.cross(x[:, W], center))
     rotors = model.rotors(v)
     out = [x]
-    h = s.step / SUBSTEPS
+    h = s.step / INTEGRATION_SUBSTEPS
     for k in range(steps):
         bin_rotors = rotors.at(first + k)
-        for _ in range(SUBSTEPS):
+        for _ in range(INTEGRATION_SUBSTEPS):
             x = _step(model, v, x, bin_rotors, h)
         out.append(x)
     states = np.array(out)
-    R = attitude.rotation_matrix(states[..., 3:7])
-    turned = np.cross(states[..., 10:13], center)
-    states[..., 0:3] -= R @ center
-    states[..., 7:10] -= np.einsum("ksij,ksj->ksi", R, turned)
-    off = states - log.x[s.edges[first[None, :] + np.arange(steps + 1)[:, None]]]
-    between = attitude.multiply(
-        attitude.conjugate(states[..., 3:7] - off[..., 3:7]), states[..., 3:7]
-    )
-    parts = (off[..., 0:3], off[..., 7:10], attitude.rotation_vector(between), off[..., 10:13])
+    R = attitude.rotation_matrix(states[..., Q])
+    turned = np.cross(states[..., W], center)
+    states[..., P] -= R @ center
+    states[..., V] -= np.einsum("ksij,ksj->ksi", R, turned)
+    logged = log.x[s.edges[first + np.arange(steps + 1)[:, None]]]
+    off = states - logged
+    between = attitude.multiply(attitude.conjugate(logged[..., Q]), states[..., Q])
+    parts = (off[..., P], off[..., V], attitude.rotation_vector(between), off[..., W])
     return first, np.stack([np.linalg.norm(part, axis=-1) for part in parts], axis=-1)
 
 
@@ -71,22 +71,22 @@ def _step(model: FlightModel, v: Values, x: np.ndarray, rotors: Rotors, h: float
     three = _rate(model, v, x + 0.5 * h * two, rotors)
     four = _rate(model, v, x + h * three, rotors)
     out = x + h / 6 * (one + 2 * two + 2 * three + four)
-    out[:, 3:7] /= np.linalg.norm(out[:, 3:7], axis=1, keepdims=True)
+    out[:, Q] /= np.linalg.norm(out[:, Q], axis=1, keepdims=True)
     return out
 
 
 def _rate(model: FlightModel, v: Values, x: np.ndarray, rotors: Rotors) -> np.ndarray:
     """Return the rates of change (s, 13) of states x (s, 13), of the centre of mass."""
-    q = x[:, 3:7]
-    w = x[:, 10:13]
-    u = attitude.rotate_back(q, x[:, 7:10])
+    q = x[:, Q]
+    w = x[:, W]
+    u = attitude.rotate_back(q, x[:, V])
     push, torque = model.wrench(v, w, u, rotors)
     push[:, 2] += rotors.thrust @ model.gains(v)
     a = attitude.rotate(q, push) - [0.0, 0.0, G]
     j = inertia(v) * model.frame.arm**2
     torque -= np.cross(w, w @ j.T)
     return np.concatenate(
-        [x[:, 7:10], attitude.quaternion_rate(q, w), a, torque @ np.linalg.inv(j).T], axis=1
+        [x[:, V], attitude.quaternion_rate(q, w), a, torque @ np.linalg.inv(j).T], axis=1
     )
 
 
@@ -96,7 +96,7 @@ LARGEST_SHARE = 0.3  # of the flight at most [1]; own choice
 
 
 @dc.dataclass(frozen=True)
-class HeldOut:
+class HeldOutErrors:
     """Errors of one model on one held-out part.
 
     force: (3,) RMS of the residual force [N].
@@ -175,16 +175,13 @@ def vehicle_values(
     }
 
 
-def held_out(
-    identification: Identification,
-    logs: Sequence[FlightLog],
-    parts: Sequence[tuple[float, float]] = (),
-) -> list[HeldOut]:
+def held_out_errors(
+    identification: Identification, logs: Sequence[FlightLog], start: float = 0.0
+) -> list[HeldOutErrors]:
     """Return the errors on flights that the identification has not seen.
 
     The first seconds of each tell what is its own: battery, where that lies, clock and errors of
-    sensors. They are not scored. parts: share of each flight that counts, first and last [1];
-    default: whole flights.
+    sensors. They are not scored. start: share of each flight that does not count [1].
     """
     basis = identification.basis
     identified = identification.estimate.layout.values(identification.estimate.z)
@@ -198,14 +195,12 @@ def held_out(
     }
     untold = basis.drive == "collective"
     out = []
-    for number, log in enumerate(logs):
-        model, parameters = adapted(
-            identification, log, parts[number] if parts else (0.0, 1.0), rows
-        )
+    for log in logs:
+        model, parameters = adapted(identification, log, start, rows)
         for name, v in parameters.items():
             e = model.residual(v)[model.flight.good]
-            force = mass * np.sqrt(np.mean(e[:, 0:3] ** 2, axis=0))
-            torque = np.sqrt(np.mean((e[:, 3:6] @ J.T) ** 2, axis=0))
+            force = mass * np.sqrt(np.mean(e[:, FORCE] ** 2, axis=0))
+            torque = np.sqrt(np.mean((e[:, TORQUE] @ J.T) ** 2, axis=0))
             torque = np.full(3, np.nan) if untold else torque
             open_loop = np.full((len(HORIZONS), len(ERRORS)), np.nan)
             for i, horizon in enumerate(() if log.lacks or untold else HORIZONS):
@@ -214,29 +209,26 @@ def held_out(
                     open_loop[i] = np.median(errors[-1], axis=0)
                 except ValueError:  # no stretch without gaps is as long
                     continue
-            out.append(HeldOut(log.name, name, force, torque, open_loop))
+            out.append(HeldOutErrors(log.name, name, force, torque, open_loop))
     return out
 
 
 def adapted(
-    identification: Identification,
-    log: FlightLog,
-    part: tuple[float, float],
-    rows: Mapping[str, Values],
+    identification: Identification, log: FlightLog, start: float, rows: Mapping[str, Values]
 ) -> tuple[FlightModel, dict[str, Values]]:
     """Return the part of a flight that is scored, and parameters with the flight's own as its first
     seconds tell them.
 
     Args:
-        part: share of the flight that counts, first and last [1].
+        start: share of the flight that does not count [1].
     """
-    first, last = part
     flight = signals(log, identification.prior.unmixer, identification.basis.drive)
     frame = identification.basis.frame
-    begin = first + min(ADAPTED / (log.t[-1] - log.t[0]), LARGEST_SHARE * (last - first))
-    early = FlightModel(flight.part(first, begin), frame)
-    layouts = {
-        n: Layout((), identification.estimate.layout.per_flight, 1, v) for n, v in rows.items()
-    }
-    parameters = {n: layout.values(estimate([early], layout).z, 0) for n, layout in layouts.items()}
-    return FlightModel(flight.part(begin, last), frame), parameters
+    begin = start + min(ADAPTED / (log.t[-1] - log.t[0]), LARGEST_SHARE * (1.0 - start))
+    early = [FlightModel(flight.part(start, begin), frame)]
+    per_flight = identification.estimate.layout.per_flight
+    parameters = {}
+    for name, values in rows.items():
+        layout = Layout((), per_flight, 1, values)
+        parameters[name] = layout.values(estimate(early, layout).z, 0)
+    return FlightModel(flight.part(begin, 1.0), frame), parameters

@@ -15,7 +15,7 @@ from np_drake.files.yaml_file import LARGEST
 Intervals = dict[str, list[list[float]]]  # field -> [low, high] of each number, row by row; 95 %
 # field, and place in its list or matrix: `inertia[0][1]`
 PART = re.compile(r"^(.*?)((?:\[\d+\])*)$")
-SURE = 1.96  # half of a 95 % interval over its standard deviation [1]
+HALF_WIDTH_95 = 1.96  # half of a 95 % interval over its standard deviation [1]
 STATEMENTS = ("sources", "intervals")  # fields of a vehicle that speak of the others
 LONGEST = 300  # characters of a source
 

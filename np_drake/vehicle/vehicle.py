@@ -13,7 +13,7 @@ import numpy as np
 from np_drake.checks import require
 from np_drake.files.yaml_file import POSITIVE, check_fields, load_checked, number, read_yaml, word
 from np_drake.vehicle.sources import (
-    SURE,
+    HALF_WIDTH_95,
     Intervals,
     checked_intervals,
     part,
@@ -422,7 +422,7 @@ class Vehicle:
             if name in self.intervals:
                 ends: Any = np.array(self.intervals[name], float)
                 ends = ends.reshape(*value[index[:depth]].shape, 2)[index[depth:]]
-                return float(np.max(np.abs(ends - value[index]))) / SURE
+                return float(np.max(np.abs(ends - value[index]))) / HALF_WIDTH_95
         return None
 
     def uncertainty(self, of: str) -> float | None:

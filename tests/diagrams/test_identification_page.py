@@ -23,7 +23,7 @@ from np_drake.identification.estimation import Agreement
 from np_drake.identification.flight_agreement import flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
 from np_drake.identification.identify import identify
-from np_drake.identification.validation import held_out
+from np_drake.identification.validation import held_out_errors
 from np_drake.vehicle import load_vehicle
 
 TRUE = load_vehicle("crazyflie_brushless")
@@ -50,7 +50,7 @@ def found(flights):
 @pytest.fixture(scope="module")
 def rows(found, flights):
     """Return the errors on the sixth flight."""
-    return held_out(found, [flights[1]])
+    return held_out_errors(found, [flights[1]])
 
 
 @pytest.fixture(scope="module")

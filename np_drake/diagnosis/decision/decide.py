@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
-from np_drake.diagnosis.calibration import healthy_spread
+from np_drake.diagnosis.calibration import healthy_prior
 from np_drake.diagnosis.decision.predictive_evidence import PredictiveGain, predictive_evidence
 from np_drake.diagnosis.fitting import (
     LOADS,
@@ -24,7 +24,7 @@ from np_drake.diagnosis.fitting import (
 )
 from np_drake.diagnosis.forward_model import Term, pendulum_error, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.options import SPREAD, SURE, Options, Size
+from np_drake.diagnosis.options import HALF_WIDTH_95, PRIOR_SPREAD, Options, Size
 from np_drake.diagnosis.regressors import DRAG, Model, RegressionProblem
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate, ResidualFinding
@@ -37,7 +37,7 @@ from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rotor_layout import RotorName
 
-LAST = 1.0  # of a flight, in which an onset is none [s]; own choice
+LATE_ONSET = 1.0  # of a flight, in which an onset is none [s]; own choice
 ODDS = 0.0124  # share of healthy vehicles beyond whose size a size is a cause [1]; own choice
 MOST_ALTERNATIVES = 2  # effects named as indistinguishable from a cause
 
@@ -131,8 +131,8 @@ def decide_term(
     size = size_of(
         ranking,
         i,
-        [e for e in flights if not e.earlier],
-        [(e, held_out.terms[e.name]) for e in held_out.flights],
+        [flight for flight in flights if not flight.earlier],
+        [(flight, held_out.terms[flight.name]) for flight in held_out.flights],
     )
     if through_drag:
         return TermDecision(in_model, 1.0, None, "", size)
@@ -294,9 +294,9 @@ def _of_pendulum(
 
     half: half the interval of the fit.
     """
-    unsure = half_width(fit, i, "damping") / SURE if options.tolerance.unmeasured else None
+    unsure = half_width(fit, i, "damping") / HALF_WIDTH_95 if options.tolerance.unmeasured else None
     factor, error = pendulum_error(name, payload, vehicle, options.priors, unsure)
-    return factor * getattr(payload, name), factor * float(np.hypot(half, SURE * error))
+    return factor * getattr(payload, name), factor * float(np.hypot(half, HALF_WIDTH_95 * error))
 
 
 def without_late_onsets(
@@ -311,7 +311,7 @@ def without_late_onsets(
     late = []
     for c in causes:
         onset = {
-            name: np.inf if t is not None and t > ends.get(name, np.inf) - LAST else t
+            name: np.inf if t is not None and t > ends.get(name, np.inf) - LATE_ONSET else t
             for name, t in c.onset.items()
         }
         if onset != c.onset and all(t == np.inf for t in onset.values()):
@@ -345,7 +345,7 @@ def joint_posterior(fit: Fit, causes: Sequence[Cause]) -> Posterior:
     A parameter that the fit does not move, such as the number of a rotor, is not among them.
     """
     reported = {
-        (c.identifier, name): estimate.half / SURE
+        (c.identifier, name): estimate.half / HALF_WIDTH_95
         for c in causes
         for name, estimate in c.parameters.items()
     }
@@ -367,15 +367,15 @@ def joint_posterior(fit: Fit, causes: Sequence[Cause]) -> Posterior:
     ).check()
 
 
-DRAWS = 400  # of the posterior
-SEED = 1
+SIZE_DRAWS = 400  # of the posterior
+SIZE_SEED = 1
 
 
 def has_changed(ranking: Ranking, i: int) -> bool:
     """Return whether term i of the best model is practically nothing in the flights from before
     what is asked.
     """
-    earlier = [e for e in ranking.problem.flights if e.earlier]
+    earlier = [flight for flight in ranking.problem.flights if flight.earlier]
     if not earlier:
         return False
     size = size_of(ranking, i, earlier)
@@ -402,11 +402,11 @@ def size_of(
     fit = ranking.best
     rms = ranking.noise.rms
     known = rms > 0
-    here = np.concatenate([_part_of(fit.everything, i, e) for e in flights])
-    part = np.concatenate([here, *(_part_of(terms, i, e) for e, terms in unseen)])
-    torques = [e.nominal[:, 3:] for e in (*flights, *(e for e, _ in unseen))]
+    here = np.concatenate([_part_of(fit.everything, i, flight) for flight in flights])
+    part = np.concatenate([here, *(_part_of(terms, i, flight) for flight, terms in unseen)])
+    torques = [flight.nominal[:, 3:] for flight in (*flights, *(flight for flight, _ in unseen))]
     command = np.concatenate([tau - tau.mean(axis=0) for tau in torques])
-    y = np.concatenate([e.y for e in flights])
+    y = np.concatenate([flight.y for flight in flights])
     term_power, gap = (float(np.sum((x[:, known] / rms[known]) ** 2)) for x in (here, y))
     effect = fit.terms[i].effect
     return Size(
@@ -439,7 +439,7 @@ def probably_material(ranking: Ranking, i: int, size: Size) -> float:
     changed = has_changed(ranking, i)
     outside = (
         posterior.material(size, options),
-        posterior.beyond(healthy_spread(effect, flights[-1], options.tolerance, changed=changed)),
+        posterior.beyond(healthy_prior(effect, flights[-1], options.tolerance, changed=changed)),
         posterior.wind(options),
     )
     # Their product: what two bounds leave in doubt is not sure of either.
@@ -461,8 +461,8 @@ class SizePosterior:
         indices = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
         self._free = [fit.free[k] for k in indices]
         self._values = fit.values[indices]
-        self.draws = np.random.default_rng(SEED).multivariate_normal(
-            self._values, fit.covariance[np.ix_(indices, indices)], DRAWS
+        self.draws = np.random.default_rng(SIZE_SEED).multivariate_normal(
+            self._values, fit.covariance[np.ix_(indices, indices)], SIZE_DRAWS
         )
 
     def _places(self, names: Collection[str]) -> list[int]:
@@ -483,7 +483,7 @@ class SizePosterior:
         # The squared size is the quadratic form d' P d of the distance d from none, P = sum J'J
         # over the flights.
         terms = self._fit.everything
-        J = [scaled_jacobian(terms, free, e)[:, WRENCH] / scale for e in self._flights]
+        J = [scaled_jacobian(terms, free, flight)[:, WRENCH] / scale for flight in self._flights]
         flat = np.concatenate(J).reshape(-1, len(columns))
         power = flat.T @ flat
         if not power.any():  # a sensor error that no wrench shows
@@ -541,17 +541,19 @@ class SizePosterior:
         least = options.materiality
         # Of the attitude against the rotors' axes, all together [rad].
         lean = (
-            (SPREAD.tilt, SPREAD.mounting)
+            (PRIOR_SPREAD.tilt, PRIOR_SPREAD.mounting)
             if tolerance.unmeasured
             else (tolerance.attitude, tolerance.mounting)
         )
         error = least.sensor * float(np.hypot(*lean)) * self._flights[0].weight
         forces = []  # in W while it acts
-        for e in self._flights:
-            begin = self._term.begins(e.name)
-            acts = e.t >= (-np.inf if begin is None else begin)
+        for flight in self._flights:
+            begin = self._term.begins(flight.name)
+            acts = flight.t >= (-np.inf if begin is None else begin)
             forces.append(
-                attitude.rotate(e.q, _part_of(self._fit.everything, self._i, e)[:, FORCE])[acts]
+                attitude.rotate(
+                    flight.q, _part_of(self._fit.everything, self._i, flight)[:, FORCE]
+                )[acts]
             )
         force = float(np.linalg.norm(np.concatenate(forces).mean(axis=0)[:2]))
         speed = np.linalg.norm(self.draws[:, level], axis=1)

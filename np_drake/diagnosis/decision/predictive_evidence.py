@@ -95,7 +95,8 @@ def _fitted(gram: np.ndarray) -> tuple[float, float]:
     return float(gram[-1, -1] - b @ b), float(2.0 * np.log(np.diag(factor)).sum())
 
 
-LEAST = 3.0  # log score by which a term must predict better, as of a prior of one in twenty [nat]
+# log score by which a term must predict better, as of a prior of one in twenty [nat]
+LEAST_SCORE = 3.0
 
 
 @dc.dataclass(frozen=True)
@@ -128,12 +129,12 @@ class PredictiveGain:
 
     @property
     def probability(self) -> float:
-        """Probability that the term gains by `LEAST`, and that flights do not contradict one
+        """Probability that the term gains by `LEAST_SCORE`, and that flights do not contradict one
         another [1].
         """
-        gain = self.total - LEAST
-        others = float(self.gains.sum()) + LEAST
-        return float(scipy.special.ndtr(min(gain, others) / np.hypot(self.error, LEAST)))
+        gain = self.total - LEAST_SCORE
+        others = float(self.gains.sum()) + LEAST_SCORE
+        return float(scipy.special.ndtr(min(gain, others) / np.hypot(self.error, LEAST_SCORE)))
 
     @property
     def factor(self) -> float:
@@ -159,14 +160,14 @@ class PredictiveGain:
         """Whether the held-out flights are predicted better with the term, by as much as would
         contradict it.
         """
-        return bool(self.held_out.sum() > LEAST + _error(self.held_out))
+        return bool(self.held_out.sum() > LEAST_SCORE + _error(self.held_out))
 
     @property
     def contradicted(self) -> bool:
-        """Whether the held-out flights are predicted worse with the term, by `LEAST` and a standard
-        error.
+        """Whether the held-out flights are predicted worse with the term, by `LEAST_SCORE` and a
+        standard error.
         """
-        return bool(self.held_out.sum() < -LEAST - _error(self.held_out))
+        return bool(self.held_out.sum() < -LEAST_SCORE - _error(self.held_out))
 
 
 def _error(gains: np.ndarray) -> float:
@@ -195,8 +196,8 @@ def predictive_evidence(ranking: Ranking, held_out: HeldOut) -> list[PredictiveG
         if not flight.earlier
         for _ in with_all[flight.name].values
     )
-    deviations = (*of_vehicle(flights[0], tolerance), *of_flight(flights[0], tolerance))
-    calibrated = {d.effect.identifier for d in deviations}
+    effect_priors = (*of_vehicle(flights[0], tolerance), *of_flight(flights[0], tolerance))
+    calibrated = {d.effect.identifier for d in effect_priors}
     calibrated |= {term.effect.identifier for term in fit.calibration}
     evidence = []
     for i, term in enumerate(fit.terms):
@@ -273,18 +274,18 @@ class _LinearFlights:
         return Scores(in_turn, np.concatenate(others), np.concatenate([np.zeros(0), *judging]))
 
 
-def _swings(fit: Fit, e: FlightResiduals, now: Sequence[Term]) -> list[Free]:
+def _swings(fit: Fit, flight: FlightResiduals, now: Sequence[Term]) -> list[Free]:
     """Return the free hidden states of a flight, also of one that is not of the fit."""
-    known = [f for f in fit.free if f.flight == e.name]
+    known = [f for f in fit.free if f.flight == flight.name]
     if known or not any(t.effect.has_hidden_state for t in now):
         return known
     first = next((f.flight for f in fit.free if f.flight), "")
     alike = {(f.term, f.entry % STATE): f for f in fit.free if f.flight == first}
     return [
-        dc.replace(alike[i, k % STATE], flight=e.name, entry=k)
+        dc.replace(alike[i, k % STATE], flight=flight.name, entry=k)
         for i, t in enumerate(now)
         if t.effect.has_hidden_state and alike
-        for k in range(len(t.hidden.get(e.name, ())))
+        for k in range(len(t.hidden.get(flight.name, ())))
     ]
 
 
@@ -354,11 +355,11 @@ def visible_changes(ranking: Ranking) -> dict[str, float]:
     problem = ranking.problem
     priors = ranking.options.priors
     visible = dict[str, float]()
-    earlier = {e.name for e in problem.flights if e.earlier}
-    later = [e for e in problem.flights if not e.earlier]
+    earlier = {flight.name for flight in problem.flights if flight.earlier}
+    later = [flight for flight in problem.flights if not flight.earlier]
     least = ranking.options.materiality
     command = np.concatenate(
-        [e.nominal[:, TORQUE] - e.nominal[:, TORQUE].mean(axis=0) for e in later]
+        [flight.nominal[:, TORQUE] - flight.nominal[:, TORQUE].mean(axis=0) for flight in later]
     )
     members = next((m.members for m in ranking.models if m.members), ())
     for k, c in enumerate(problem.candidates):
@@ -370,8 +371,8 @@ def visible_changes(ranking: Ranking) -> dict[str, float]:
         (deviation,) = problem.deviations(k, others)
         if deviation == 0:  # the flights show nothing of it
             continue
-        paid = LEAST - priors.of_effect(effect.identifier) + 0.5 * np.log1p(deviation**-2)
-        part = np.concatenate([c.columns[e.name][..., 0] for e in later])
+        paid = LEAST_SCORE - priors.of_effect(effect.identifier) + 0.5 * np.log1p(deviation**-2)
+        part = np.concatenate([c.columns[flight.name][..., 0] for flight in later])
         weight = np.sqrt(len(part)) * later[0].weight
         force = np.linalg.norm(part[:, FORCE]) / (weight * least.force)
         torque = np.linalg.norm(part[:, TORQUE]) / (np.linalg.norm(command) * least.torque)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from np_drake.diagnosis.fitting import BLOCK, prior_whitening, scaled_jacobian
+from np_drake.diagnosis.fitting import CORRELATED_BLOCK, prior_whitening, scaled_jacobian
 from np_drake.diagnosis.forward_model import predicted_residual, with_dependants
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics import NoiseModel, places
@@ -54,13 +54,13 @@ class LinearModel:
         root = np.linalg.inv(prior_whitening(now, free))
         away = np.array([(v - f.neutral) / f.scale for v, f in zip(fit.values, free, strict=True)])
         grams = []
-        for e in self.flights:
+        for flight in self.flights:
             # Linearised about the fit z0: y - h(z) = y - h(z0) + J (z0 - neutral) - J (z -
             # neutral), in scaled parameters.
-            J = scaled_jacobian(now, free, e)
-            target = e.y - predicted_residual(e, now) + J @ away
-            columns = [J @ root, *(c.columns[e.name] for c in (*drifting, *self.structure))]
-            grams.append(e.gram(ranking.noise, columns, target))
+            J = scaled_jacobian(now, free, flight)
+            target = flight.y - predicted_residual(flight, now) + J @ away
+            columns = [J @ root, *(c.columns[flight.name] for c in (*drifting, *self.structure))]
+            grams.append(flight.gram(ranking.noise, columns, target))
         self._total = reduce(add, grams).tempered(problem.temperature)
         self._term_columns = {
             i: [k for k, f in enumerate(free) if f.term == i] for i in range(len(now))
@@ -112,13 +112,13 @@ class LinearModel:
             log_odds.append(evidence - others + prior_odds)
         return log_odds
 
-    def part(self, structure: Sequence[int], g: int, e: FlightResiduals) -> np.ndarray:
+    def part(self, structure: Sequence[int], g: int, flight: FlightResiduals) -> np.ndarray:
         """Return the part (m, 15) of structure g in the channels of a flight, beside the rest of
         `structure`.
         """
         index = self._index((), structure)
         mean, _ = self._total.posterior(index)
-        return self.structure[g].columns[e.name] @ mean[np.isin(index, self._columns[g])]
+        return self.structure[g].columns[flight.name] @ mean[np.isin(index, self._columns[g])]
 
     def _index(self, without: Collection[int], structure: Sequence[int]) -> np.ndarray:
         kept = [k for i, columns in self._term_columns.items() if i not in without for k in columns]
@@ -135,10 +135,10 @@ LOBE = 4.0
 # [Hz]
 LOWEST = 0.4
 HIGHEST = 15.0
-SLOW = 1.0  # torque below it is compared with that in `MIDDLE` [Hz]
+SLOW_BAND = 1.0  # torque below it is compared with that in `MIDDLE` [Hz]
 MIDDLE = (4.0, 8.0)  # [Hz]
 BRIEF = 1.5  # below it a force is asked for bursts [Hz]
-EDGE = 1.0  # of a flight, where the filter errs [s]
+FILTER_EDGE = 1.0  # of a flight, where the filter errs [s]
 NORMAL = 1.4826  # deviations of a normal variate that its median size is, inverted
 
 
@@ -165,16 +165,16 @@ def strongest_line(
     where one is; least: (6,) RMS of a material line [N, N·m].
     """
     rate = 1.0 / flights[0].grid.step
-    size = 2 ** int(np.ceil(np.log2(max(len(e.t) for e in flights))))
+    size = 2 ** int(np.ceil(np.log2(max(len(flight.t) for flight in flights))))
     power = np.zeros((size // 2 + 1, 6))
-    for e in flights:
-        y = residual[e.name][:, WRENCH] - residual[e.name][:, WRENCH].mean(axis=0)
+    for flight in flights:
+        y = residual[flight.name][:, WRENCH] - residual[flight.name][:, WRENCH].mean(axis=0)
         window = scipy.signal.windows.hann(len(y))[:, None]
         power += (
             np.abs(np.fft.rfft(y * window, size, axis=0)) ** 2 / np.sum(window**2) / len(flights)
         )
     frequency = np.fft.rfftfreq(size, 1 / rate)
-    lobe = LOBE / max(e.t[-1] - e.t[0] for e in flights)
+    lobe = LOBE / max(flight.t[-1] - flight.t[0] for flight in flights)
     down = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (1 - 1 / OCTAVE)))
     up = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (OCTAVE - 1)))
     first = np.searchsorted(frequency, frequency - down)
@@ -202,16 +202,20 @@ def slow_torque(
         residual: by flight, (m, 15) what a model leaves of it.
     """
     powers = np.zeros((3, 3))  # of slow torque, the middle band, and slow torque before
-    for e in flights:
-        step = e.grid.step
-        edge = round(1 / (SLOW * e.grid.step))
-        tau, first = (y[:, TORQUE] - y[:, TORQUE].mean(axis=0) for y in (residual[e.name], e.y))
+    for flight in flights:
+        step = flight.grid.step
+        edge = round(1 / (SLOW_BAND * flight.grid.step))
+        tau, first = (
+            y[:, TORQUE] - y[:, TORQUE].mean(axis=0) for y in (residual[flight.name], flight.y)
+        )
         band = low_pass(tau, step, MIDDLE[1]) - low_pass(tau, step, MIDDLE[0])
-        parts = np.stack([low_pass(tau, step, SLOW), band, low_pass(first, step, SLOW)])
+        parts = np.stack([low_pass(tau, step, SLOW_BAND), band, low_pass(first, step, SLOW_BAND)])
         powers += np.mean(parts[:, edge:-edge] ** 2, axis=1)  # without filter edges
     slow, middle, before = powers
-    rotors = sum(2 * SLOW * e.grid.step * e.rotor_noise[TORQUE] ** 2 for e in flights)
-    expected = SLOW**3 / (MIDDLE[1] ** 3 - MIDDLE[0] ** 3)
+    rotors = sum(
+        2 * SLOW_BAND * flight.grid.step * flight.rotor_noise[TORQUE] ** 2 for flight in flights
+    )
+    expected = SLOW_BAND**3 / (MIDDLE[1] ** 3 - MIDDLE[0] ** 3)
     ratio = slow / np.maximum(middle * expected + rotors, 1e-30)
     axis = int(np.argmax(ratio))
     rms = float(np.sqrt(slow[axis] / len(flights)))
@@ -222,7 +226,9 @@ HORIZON = 1.0  # after which it counts [s]
 STARTS = 0.25  # between its starts [s]
 
 
-def squared_position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def squared_position_errors(
+    flight: FlightResiduals, wrench: np.ndarray, rows: np.ndarray
+) -> np.ndarray:
     """Return the squared position errors (k,) that a wrench causes within `HORIZON`, to first order
     [m²].
 
@@ -234,22 +240,24 @@ def squared_position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.nda
         wrench: (m, 6) in B on its grid [N, N·m].
         rows: (m,) bool, those that count.
     """
-    step = e.grid.step
-    mass = e.vehicle.mass
+    step = flight.grid.step
+    mass = flight.vehicle.mass
     n = max(2, round(HORIZON / step))
-    first = np.arange(0, len(e.t) - n, max(1, round(STARTS / step)))
+    first = np.arange(0, len(flight.t) - n, max(1, round(STARTS / step)))
     window = first[:, None] + np.arange(n + 1)
     window = window[rows[window].all(axis=1)]
 
     def integrated(rate: np.ndarray) -> np.ndarray:
         return scipy.integrate.cumulative_trapezoid(rate, dx=step, axis=1, initial=0.0)
 
-    turning = np.einsum("mij,mj->mi", e.R_WB, wrench[:, TORQUE] @ np.linalg.inv(e.vehicle.J).T)
+    turning = np.einsum(
+        "mij,mj->mi", flight.R_WB, wrench[:, TORQUE] @ np.linalg.inv(flight.vehicle.J).T
+    )
     tilt = integrated(integrated(turning[window]))
     # Turned thrust pushes by no more than all of it.
     tilt = tilt / np.maximum(np.linalg.norm(tilt, axis=-1, keepdims=True), 1.0)
-    lift = (e.R_WB[..., 2] * e.nominal[:, 2:3])[window]
-    push = np.einsum("mij,mj->mi", e.R_WB, wrench[:, FORCE])[window]
+    lift = (flight.R_WB[..., 2] * flight.nominal[:, 2:3])[window]
+    push = np.einsum("mij,mj->mi", flight.R_WB, wrench[:, FORCE])[window]
     moved = integrated(integrated((push + np.cross(tilt, lift)) / mass))[:, -1]
     return np.sum(moved**2, axis=1)
 
@@ -292,8 +300,8 @@ class Indication(NamedTuple):
     ) -> "Indication":
         """Return the structure that is a wrench (m, 6) in each of the flights [N, N·m]."""
         moved = [
-            squared_position_errors(e, w, np.ones(len(w), bool))
-            for e, w in zip(flights, wrench, strict=True)
+            squared_position_errors(flight, w, np.ones(len(w), bool))
+            for flight, w in zip(flights, wrench, strict=True)
         ]
         power = np.mean(np.concatenate(wrench) ** 2, axis=0)
         return cls(probability, finding, power, float(np.mean(np.concatenate(moved))))
@@ -308,12 +316,14 @@ def find_unexplained(
     options = ranking.options
     best = ranking.best
     flights = ranking.problem.flights
-    residual = {e.name: best.residual(e) for e in flights}
-    swung = {e.name: held_out.swing_free_residual(e) for e in held_out.flights}
+    residual = {flight.name: best.residual(flight) for flight in flights}
+    swung = {flight.name: held_out.swing_free_residual(flight) for flight in held_out.flights}
     hidden = any(t.effect.has_hidden_state for t in best.terms)
     slowly = gust_probability(flights, residual, held_out.flights, swung, options, hidden=hidden)
     both = residual | swung
-    tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
+    tau = np.concatenate(
+        [flight.nominal[:, 3:] - flight.nominal[:, 3:].mean(axis=0) for flight in flights]
+    )
     commanded = float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
     # Least RMS force [N] and torque [N·m] of material structure.
     least = options.materiality.force * flights[0].weight, options.materiality.torque * commanded
@@ -337,11 +347,14 @@ def find_unexplained(
     )
     indications.append(
         Indication.of(
-            probability, finding, flights, [_slow_part(e, both, [3 + axis]) for e in flights]
+            probability,
+            finding,
+            flights,
+            [_slow_part(flight, both, [3 + axis]) for flight in flights],
         )
     )
     return indications, Indication.of(
-        slowly, SLOW_FORCE, flights, [_slow_part(e, residual, [0, 1]) for e in flights]
+        slowly, SLOW_FORCE, flights, [_slow_part(flight, residual, [0, 1]) for flight in flights]
     )
 
 
@@ -357,7 +370,7 @@ def _indication(
     candidate = linear.structure[g]
     rest = tuple(k for k in structure if k != g)
     there = float(scipy.special.expit(linear.evidence((), structure) - linear.evidence((), rest)))
-    parts = [linear.part(structure, g, e)[:, WRENCH] for e in flights]
+    parts = [linear.part(structure, g, flight)[:, WRENCH] for flight in flights]
     part = np.concatenate(parts)
     force, torque = (
         float(np.sqrt(np.mean(np.sum(part[:, c] ** 2, axis=1)))) for c in (FORCE, TORQUE)
@@ -389,7 +402,7 @@ def burst_test(
     parts = []
     times = []
     for e in flights:
-        edge = min(round(EDGE / e.grid.step), (len(e.t) - 1) // 2)
+        edge = min(round(FILTER_EDGE / e.grid.step), (len(e.t) - 1) // 2)
         inside = slice(edge, len(e.t) - edge)
         force = low_pass(residual[e.name][:, FORCE], e.grid.step, BRIEF)[inside]
         parts.append(force - np.median(force, axis=0))
@@ -425,7 +438,7 @@ def _line_test(
     """Return a material spectral line that held-out flights show as well."""
     thresholds = options.thresholds
     share = options.materiality.structure_share
-    y = np.concatenate([e.y[:, WRENCH] for e in flights])
+    y = np.concatenate([flight.y[:, WRENCH] for flight in flights])
     smallest = np.maximum(np.sqrt(share * np.mean(y**2, axis=0)), np.repeat(least, 3))
     line = strongest_line(flights, residual, smallest)
     again = strongest_line(held_out, residual).prominence
@@ -442,17 +455,17 @@ def _line_test(
     )
     channel = np.arange(6) == line.channel
     waves = [
-        np.sqrt(2) * line.rms * np.sin(2 * np.pi * line.frequency * e.t)[:, None] * channel
-        for e in flights
+        np.sqrt(2) * line.rms * np.sin(2 * np.pi * line.frequency * flight.t)[:, None] * channel
+        for flight in flights
     ]
     return Indication.of(probability, finding, flights, waves)
 
 
 def _slow_part(
-    e: FlightResiduals, residual: dict[str, np.ndarray], channels: Sequence[int]
+    flight: FlightResiduals, residual: dict[str, np.ndarray], channels: Sequence[int]
 ) -> np.ndarray:
     """Return the slow part (m, 6) of some channels of a residual, without its mean."""
-    slow = low_pass(residual[e.name][:, WRENCH], e.grid.step, SLOW)
+    slow = low_pass(residual[flight.name][:, WRENCH], flight.grid.step, SLOW_BAND)
     return (slow - slow.mean(axis=0)) * np.isin(np.arange(6), channels)
 
 
@@ -462,8 +475,8 @@ def _above(ratio: float, threshold: float) -> float:
 
 
 FEWEST = 8  # least number of blocks; they are shorter in short flights; own choice
-DRAWS = 400  # of the posterior
-SEED = 1  # of its draws, and of the noise
+REMAINDER_DRAWS = 400  # of the posterior
+REMAINDER_SEED = 1  # of its draws, and of the noise
 NOISES = 4  # draws of the noise of each flight
 # A remainder is material that exceeds a stated size and the first share of the gap, below which it
 # is nothing beside what is explained; and that exceeds the second, which is no explanation [1].
@@ -492,7 +505,7 @@ def measure_remainder(
     first = held_out.flights[0]
     vehicle = first.vehicle
     residuals = _before_and_after(causes, held_out)
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(REMAINDER_SEED)
     power = noise.rms[WRENCH] ** 2
     scale = np.maximum(noise.rms[WRENCH], 1e-12) ** -2.0 * noise.active[WRENCH] / 6
     structure = _drawn_structure(indications, power, scale, rng)
@@ -502,7 +515,7 @@ def measure_remainder(
         np.stack([y[name][rows, WRENCH] ** 2 for y in residuals], axis=1)
         for name, rows in held_out.rows.items()
     ]
-    excess = _drawn_means(squares, round(BLOCK / first.grid.step), rng) - power - drift
+    excess = _drawn_means(squares, round(CORRELATED_BLOCK / first.grid.step), rng) - power - drift
 
     # Draws before and after, of sizes with that of the mean behind them: power over noise [1],
     # force [N], torque [N·m].
@@ -516,7 +529,7 @@ def measure_remainder(
     starts, by_noise = _position_errors(held_out, residuals, noise)
     tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / vehicle.mass) ** 2
     hidden = _with_mean(np.minimum(there @ structure.squares, np.mean(by_noise)))[:, None]
-    moved = _with_mean(_drawn_means(starts, round(BLOCK / STARTS), rng))
+    moved = _with_mean(_drawn_means(starts, round(CORRELATED_BLOCK / STARTS), rng))
     position = np.sqrt(np.maximum(moved - tilted, 0.0) + hidden)
     alone = float(np.sqrt(np.quantile(by_noise, ALONE)))
     tells = alone < vehicle.gravity * HORIZON**2 / 12  # of a constant torque, a radian [m]
@@ -581,7 +594,7 @@ def _drawn_structure(
     however large a part is that others cancel; scale: (6,) of one over noise.
     """
     probability = np.array([i.probability for i in indications])
-    there = rng.uniform(size=(DRAWS, len(indications))) < probability
+    there = rng.uniform(size=(REMAINDER_DRAWS, len(indications))) < probability
     uncapped = np.reshape([i.power for i in indications], (-1, 6))
     powers = np.minimum(uncapped, power)
     share = powers @ scale / np.maximum(uncapped @ scale, 1e-300)
@@ -594,8 +607,8 @@ def _with_mean(draws: np.ndarray) -> np.ndarray:
 
 
 def _drawn_means(parts: Sequence[np.ndarray], size: int, rng: np.random.Generator) -> np.ndarray:
-    """Return draws (`DRAWS`, …) of the mean of the rows (m, …) of all flights, by blocks of `size`
-    rows.
+    """Return draws (`REMAINDER_DRAWS`, …) of the mean of the rows (m, …) of all flights, by blocks
+    of `size` rows.
     """
     size = max(1, min(size, sum(map(len, parts)) // FEWEST))
     blocks = [
@@ -606,7 +619,7 @@ def _drawn_means(parts: Sequence[np.ndarray], size: int, rng: np.random.Generato
     ]
     sums = np.array([b.sum(axis=0) for b in blocks])
     counts = np.array([len(b) for b in blocks])
-    drawn = rng.integers(0, len(blocks), (DRAWS, len(blocks)))
+    drawn = rng.integers(0, len(blocks), (REMAINDER_DRAWS, len(blocks)))
     return (sums[drawn].sum(axis=1).T / counts[drawn].sum(axis=1)).T
 
 
@@ -616,19 +629,22 @@ def _position_errors(
     """Return by flight the squared position errors (k, 2) that wrenches cause beyond those of
     noise, and those of noise alone (n,) [m²]; none and infinite where no start is left.
     """
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(REMAINDER_SEED)
     moved = []
     by_noise = []
-    for e in held_out.flights:
-        rows = held_out.rows[e.name] | e.outliers  # which are interpolated
+    for flight in held_out.flights:
+        rows = held_out.rows[flight.name] | flight.outliers  # which are interpolated
         chance = np.array(
             [
-                squared_position_errors(e, _noise_of(noise, len(e.t), rng), rows)
+                squared_position_errors(flight, _noise_of(noise, len(flight.t), rng), rows)
                 for _ in range(NOISES)
             ]
         )
         seen = np.array(
-            [squared_position_errors(e, e.bridged(y[e.name])[:, WRENCH], rows) for y in wrenches]
+            [
+                squared_position_errors(flight, flight.bridged(y[flight.name])[:, WRENCH], rows)
+                for y in wrenches
+            ]
         )
         moved.append((seen - chance.mean(axis=0)).T)
         by_noise.append(chance.ravel())

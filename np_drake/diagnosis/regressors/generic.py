@@ -72,19 +72,19 @@ class FlightState:
     [s].
     """
 
-    def __init__(self, e: FlightResiduals):
-        self.vehicle = e.vehicle
-        self.weight = e.weight
-        self.gravity = e.vehicle.gravity
-        self.step = e.grid.step
-        v_B = attitude.rotate_back(e.mids.q, e.wrench_states[1][:, V])
-        self.v = _above_noise(e.from_mids(v_B), e.log.v)
-        self.w = _above_noise(e.w, e.log.w)
-        self.p = e.from_mids(e.mids.x[:, P])
-        self.R = e.from_mids(attitude.rotation_matrix(e.mids.q))
-        self.u = e.nominal[:, 2:]
-        self.rotor = self.u @ e.vehicle.unmixer.T
-        self.torque_unit = arm(e.vehicle) * np.array([0.3, 0.3, 0.1])
+    def __init__(self, flight: FlightResiduals):
+        self.vehicle = flight.vehicle
+        self.weight = flight.weight
+        self.gravity = flight.vehicle.gravity
+        self.step = flight.grid.step
+        v_B = attitude.rotate_back(flight.mids.q, flight.wrench_states[1][:, V])
+        self.v = _above_noise(flight.from_mids(v_B), flight.log.v)
+        self.w = _above_noise(flight.w, flight.log.w)
+        self.p = flight.from_mids(flight.mids.x[:, P])
+        self.R = flight.from_mids(attitude.rotation_matrix(flight.mids.q))
+        self.u = flight.nominal[:, 2:]
+        self.rotor = self.u @ flight.vehicle.unmixer.T
+        self.torque_unit = arm(flight.vehicle) * np.array([0.3, 0.3, 0.1])
 
 
 def _above_noise(values: np.ndarray, read: np.ndarray) -> np.ndarray:
@@ -107,8 +107,8 @@ Pushes = Callable[[FlightState], np.ndarray]
 
 def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> list[Candidate]:
     """Return all groups as candidates; their `generic` gives the columns on any flight."""
-    states = {e.name: FlightState(e) for e in flights}
-    lacks = {quantity for e in flights for quantity in e.log.lacks}
+    states = {flight.name: FlightState(flight) for flight in flights}
+    lacks = {quantity for flight in flights for quantity in flight.log.lacks}
     measured = flights[0].log.input == "rotor_speed"
     words = ROTOR_WORDS if measured else WORDS
     candidates = []
@@ -173,18 +173,18 @@ def _candidate(
     end it.
     """
 
-    def columns(e: FlightResiduals) -> np.ndarray:
-        state = states.get(e.name) or FlightState(e)
-        size = priors.generic_size * e.weight * np.append(np.ones(3), state.torque_unit)
+    def columns(flight: FlightResiduals) -> np.ndarray:
+        state = states.get(flight.name) or FlightState(flight)
+        size = priors.generic_size * flight.weight * np.append(np.ones(3), state.torque_unit)
         unscaled = pushes(state)
-        X = np.zeros((*e.y.shape, unscaled.shape[-1]))
+        X = np.zeros((*flight.y.shape, unscaled.shape[-1]))
         X[:, WRENCH] = size[:, None] * unscaled
         return X
 
     return Candidate(
         (PREFIX + name,),
         description[0],
-        {e.name: columns(e) for e in flights},
+        {flight.name: columns(flight) for flight in flights},
         lambda c: [],
         log_prior,
         generic=columns,

@@ -14,7 +14,7 @@ import scipy
 
 from np_drake.diagnosis.forward_model import Stages, Term, predicted_residual
 from np_drake.diagnosis.numerics import fit_noise
-from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
+from np_drake.diagnosis.options import IDEAL_SENSORS, PRIOR_SPREAD, Options, Tolerance
 from np_drake.diagnosis.residuals import QUIET, FlightResiduals
 from np_drake.effects import ClockOffset, ConstantWind, LinearDrag, SuspendedPayload, ThrustScale
 from np_drake.effects.base import Effect, prior_root, usual_size
@@ -75,7 +75,7 @@ class Candidate:
 def hidden_from(flights: Sequence[FlightResiduals]) -> dict[str, str]:
     """Return the effects that this kind of flights cannot tell, with the reason."""
     log = flights[0].log
-    lacks = sorted({quantity for e in flights for quantity in e.log.lacks})
+    lacks = sorted({quantity for flight in flights for quantity in flight.log.lacks})
     return unobservable(
         log.input, accelerations=log.a is not None, torque=flights[0].knows_torque, lacks=lacks
     )
@@ -91,8 +91,8 @@ def library_candidates(
         onset: onsets by flight [s]; effects that cannot begin in flight are then left out.
     """
     candidates: list[Candidate] = []
-    stages: dict[str, Stages] = {e.name: {} for e in flights}
-    before = any(e.earlier for e in flights)
+    stages: dict[str, Stages] = {flight.name: {} for flight in flights}
+    before = any(flight.earlier for flight in flights)
     # A load that is taken up in flight shows, however heavy the vehicle was before; and so does
     # thrust over throttle beside that of flights before.
     shown = {ThrustScale.identifier} if before else set()
@@ -101,7 +101,7 @@ def library_candidates(
         for name, why in hidden_from(flights).items()
         if why != THRUST or not (name in shown or effect_of(name).sudden)
     }
-    has_neighbours = any(e.log.neighbours for e in flights)
+    has_neighbours = any(flight.log.neighbours for flight in flights)
     tried = effects_for(flights[0].log.input, neighbours=has_neighbours, before=before)
     for identifier, effect in tried.items():
         elsewhere = effect.needs or effect.has_hidden_state
@@ -119,7 +119,7 @@ def _effect_candidates(
     """Return the variants of one effect as candidates, from caches of earlier predictions by
     flight.
     """
-    stages = stages or {e.name: {} for e in flights}
+    stages = stages or {flight.name: {} for flight in flights}
     choices = {p.name: p.choices for p in effect.parameters if p.choices}
     settings = [
         dict(zip(choices, combination, strict=True)) for combination in product(*choices.values())
@@ -160,7 +160,7 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
     return Candidate(
         (effect.identifier,),
         label,
-        {e.name: one(e) for e in flights},
+        {flight.name: one(flight) for flight in flights},
         terms,
         -math.log(variants),
         onset,
@@ -195,7 +195,8 @@ def at_value(effect, flights, onset, values: dict[str, float], variants: int, st
     """
     term = Term(effect.of(values), onset)
     columns = {
-        e.name: 2.0 * predicted_residual(e, [term], stages[e.name])[..., None] for e in flights
+        flight.name: 2.0 * predicted_residual(flight, [term], stages[flight.name])[..., None]
+        for flight in flights
     }
 
     def terms(c: np.ndarray) -> list[Term]:
@@ -241,16 +242,16 @@ def wind_candidates(
     out = []
     for drag in (c for c in plain if c.identifiers == (DRAG,)):
         columns = {}
-        for e in flights:
+        for flight in flights:
             unit = Term(LinearDrag(typical, typical, typical), drag.onset)
             stages = Stages()
-            still = predicted_residual(e, [unit], stages)
+            still = predicted_residual(flight, [unit], stages)
             windy = [
-                predicted_residual(e, [unit, Term(ConstantWind(*axis), onset)], stages)
+                predicted_residual(flight, [unit, Term(ConstantWind(*axis), onset)], stages)
                 for axis in np.eye(3).tolist()
             ]
             extra = np.stack([w - still for w in windy], axis=-1) * speeds
-            columns[e.name] = np.concatenate([drag.columns[e.name], extra], axis=-1)
+            columns[flight.name] = np.concatenate([drag.columns[flight.name], extra], axis=-1)
 
         def terms(c: np.ndarray, drag: Candidate = drag) -> list[Term]:
             (drag_term,) = drag.terms(c[:3])
@@ -274,8 +275,9 @@ def switched(candidate: Candidate, flights: Sequence[FlightResiduals], onset: On
     """
     none = np.zeros(candidate.size)
     columns = {
-        e.name: candidate.columns.get(e.name, none) * e.begun(onset.get(e.name))[..., None]
-        for e in flights
+        flight.name: candidate.columns.get(flight.name, none)
+        * flight.begun(onset.get(flight.name))[..., None]
+        for flight in flights
     }
 
     def terms(c: np.ndarray) -> list[Term]:
@@ -307,11 +309,11 @@ def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
     These have attitudes without noise, commands in newtons, and state when a command acts.
     """
     ideal = all(
-        e.attitude_noise <= QUIET
-        and e.log.input == "command"
-        and e.knows_torque
-        and e.log.timing == 0
-        for e in flights
+        flight.attitude_noise <= QUIET
+        and flight.log.input == "command"
+        and flight.knows_torque
+        and flight.log.timing == 0
+        for flight in flights
     )
     return IDEAL_SENSORS if ideal else Tolerance()
 
@@ -358,8 +360,8 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
         log_input == "normalised" and not unmeasured
     ):  # the calibration of an unmeasured vehicle holds these
         open_ |= {
-            "mounting": max(tolerance.mounting, SPREAD.mounting),
-            "latency": max(tolerance.latency, SPREAD.latency),
+            "mounting": max(tolerance.mounting, PRIOR_SPREAD.mounting),
+            "latency": max(tolerance.latency, PRIOR_SPREAD.latency),
         }
     return dc.replace(options, tolerance=dc.replace(tolerance, **open_, unmeasured=unmeasured))
 
@@ -372,10 +374,10 @@ def command_timing(flights: Sequence[FlightResiduals]) -> float:
     """
     if flights[0].measured_rotors:
         return 0.0
-    stated = max(e.log.timing for e in flights)
+    stated = max(flight.log.timing for flight in flights)
     if flights[0].vehicle.described:
         return stated
-    half = 0.5 * max(e.log.step for e in flights)
+    half = 0.5 * max(flight.log.step for flight in flights)
     shift, deviation = _early(flights, 0.5 * half)
     sampled = shift > EARLY * deviation and shift - 2 * deviation < half
     return max(stated, half) if sampled else stated
@@ -387,12 +389,12 @@ def _early(flights: Sequence[FlightResiduals], step: float) -> tuple[float, floa
     Generalised least squares on the residual with all else in its noise.
     step: of the finite difference [s].
     """
-    noise = fit_noise([e.y for e in flights], flights[0].grid.step)
+    noise = fit_noise([flight.y for flight in flights], flights[0].grid.step)
     power = product = 0.0
-    for e in flights:
-        column = predicted_residual(e, [Term(ClockOffset(step))])
+    for flight in flights:
+        column = predicted_residual(flight, [Term(ClockOffset(step))])
         column[:, 6:] = 0.0  # the commands alone
-        white = noise.whiten(np.stack([column, e.y], axis=-1), e.name)
+        white = noise.whiten(np.stack([column, flight.y], axis=-1), flight.name)
         power += float(np.sum(white[..., 0] ** 2))
         product += float(np.sum(white[..., 0] * white[..., 1]))
     if power == 0.0:

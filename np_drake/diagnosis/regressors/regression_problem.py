@@ -52,15 +52,15 @@ class WhiteNuisance:
         self.rows: dict[str, slice] = {}
         first = 0
         order = noise.phi.shape[1]
-        for e in flights:
-            parts = [e.y[..., None][..., :0], *(c.columns[e.name] for c in linear)]
+        for flight in flights:
+            parts = [flight.y[..., None][..., :0], *(c.columns[flight.name] for c in linear)]
             columns = np.concatenate(parts, axis=-1)
             at = np.flatnonzero(columns.any(axis=(0, 1)))
-            last = first + (len(e.t) - order) * noise.phi.shape[0]
-            X = root * e.white(noise, columns[..., at]).reshape(last - first, len(at))
-            self.rows[e.name] = slice(first, last)
+            last = first + (len(flight.t) - order) * noise.phi.shape[0]
+            X = root * flight.white(noise, columns[..., at]).reshape(last - first, len(at))
+            self.rows[flight.name] = slice(first, last)
             first = last
-            self.columns[e.name] = X, at
+            self.columns[flight.name] = X, at
             self.gram[np.ix_(at, at)] += X.T @ X
 
 
@@ -112,8 +112,10 @@ class RegressionProblem:
     def total(self) -> Gram:
         """Gram matrix of nuisance and candidates over all flights."""
         grams = (
-            e.gram(self.noise, [c.columns[e.name] for c in (*self.nuisance, *self.candidates)])
-            for e in self.flights
+            flight.gram(
+                self.noise, [c.columns[flight.name] for c in (*self.nuisance, *self.candidates)]
+            )
+            for flight in self.flights
         )
         return reduce(add, grams).tempered(self.temperature)
 

@@ -9,7 +9,14 @@ import numpy as np
 from np_drake import attitude
 from np_drake.checks import require
 from np_drake.diagnosis.numerics import Gram, NoiseModel
-from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, bridge, make_grid
+from np_drake.diagnosis.residuals.resampling import (
+    GRID_STEP,
+    TAPS,
+    Grid,
+    Resampler,
+    bridge,
+    make_grid,
+)
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.diagnosis.residuals.smoothing import (
     Instants,
@@ -323,8 +330,8 @@ LEAST_DURATION = 3.0  # least duration of a flight [s]; own choice
 SETTLING = 7.0
 CLEAR = 0.3  # height over the ground up to which take-off and landing reach [m]; own choice
 # thrust over its median [1] and speed [m/s] below which the ground carries; own choice
-CARRIED = 0.5
-SLOW = 0.2
+GROUNDED_THRUST = 0.5
+GROUNDED_SPEED = 0.2
 TOUCH = 0.5  # time about standing in which the ground still pushes [s]; own choice
 # initial thrust error over hover thrust, above which rotors had not settled [1]; own choice
 OFF = 0.4
@@ -360,7 +367,7 @@ def make_flight_residuals(
     none = np.zeros(len(grid.t), bool)
     still = np.zeros((len(grid.t), 6))
     rest = none if vehicle.described else _at_rest(log, grid, thrust_rows @ vehicle.mixer[0])
-    e = FlightResiduals(
+    flight = FlightResiduals(
         log,
         vehicle,
         grid,
@@ -377,12 +384,14 @@ def make_flight_residuals(
         none,
         knows_torque=knows_torque,
     )
-    y = np.concatenate([e.from_rows(force), e.from_mids(others)], axis=1)
+    y = np.concatenate([flight.from_rows(force), flight.from_mids(others)], axis=1)
     u_rows = thrust_rows @ vehicle.mixer.T
     u_mids = thrust_mids @ vehicle.mixer.T
     f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
-    nominal = np.concatenate([still[:, :2], e.from_rows(f), e.from_mids(u_mids[:, 1:])], axis=1)
-    return dc.replace(e, y=e.known(y), nominal=nominal, w=e.from_mids(mids.x[:, W]))
+    nominal = np.concatenate(
+        [still[:, :2], flight.from_rows(f), flight.from_mids(u_mids[:, 1:])], axis=1
+    )
+    return dc.replace(flight, y=flight.known(y), nominal=nominal, w=flight.from_mids(mids.x[:, W]))
 
 
 def _clear_of_ground(log: FlightLog) -> tuple[float, float]:
@@ -404,7 +413,9 @@ def _at_rest(log: FlightLog, grid: Grid, f: np.ndarray) -> np.ndarray:
     Args:
         f: (n,) nominal thrust at the rows [N].
     """
-    t = log.t[(f < CARRIED * np.median(f)) & (np.linalg.norm(log.v, axis=1) < SLOW)]
+    t = log.t[
+        (f < GROUNDED_THRUST * np.median(f)) & (np.linalg.norm(log.v, axis=1) < GROUNDED_SPEED)
+    ]
     if "velocity" in log.lacks or not len(t):
         return np.zeros(len(grid.t), bool)
     after = np.clip(np.searchsorted(t, grid.t), 0, len(t) - 1)
@@ -418,7 +429,7 @@ def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.nd
     thrust (n, 1) [N] and torque (n-1, 3) [N·m]: residuals if rotors held the first command before
     the log began.
     """
-    first = max(1, int(np.sum(log.t[1:] <= log.t[0] + STEP)))
+    first = max(1, int(np.sum(log.t[1:] <= log.t[0] + GRID_STEP)))
     missed = (
         np.concatenate([thrust[:first].mean(axis=0), torque[:first].mean(axis=0)])
         @ vehicle.unmixer.T

@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
-STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
+GRID_STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
 # Rows of the flights of a fit above which its grid is coarser, for time, up to a step that still
 # shows the lag of rotors [s]; own choice.
 MOST_ROWS = 4500
@@ -40,11 +40,11 @@ class Grid:
 
 
 def natural_step(t: np.ndarray) -> float:
-    """Return the grid step for a log with row times t (n,): `STEP`, or the log's own step if that
-    is longer [s].
+    """Return the grid step for a log with row times t (n,): `GRID_STEP`, or the log's own step if
+    that is longer [s].
     """
     log_step = float(np.median(np.diff(t)))
-    return log_step * max(1, int(STEP / log_step + NEARLY))
+    return log_step * max(1, int(GRID_STEP / log_step + NEARLY))
 
 
 def common_step(times: Sequence[np.ndarray], fitted: int) -> float:

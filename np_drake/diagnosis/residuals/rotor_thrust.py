@@ -18,7 +18,7 @@ from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 
-SUBSTEPS = 4  # substeps in an interval of the log; own choice
+THRUST_SUBSTEPS = 4  # substeps in an interval of the log; own choice
 # Weights of the means over the last three steps, latest first: the value of the parabola with these
 # means at the end.
 FROM_MEANS = (11 / 6, -7 / 6, 1 / 3)
@@ -34,7 +34,7 @@ class Rotors:
     def __init__(self, log: FlightLog, vehicle: Vehicle):
         self._log = log
         self._vehicle = vehicle
-        self._step = log.step / SUBSTEPS
+        self._step = log.step / THRUST_SUBSTEPS
         self._row_t = log.t - log.t[0]
         self._t = np.arange(0.0, self._row_t[-1] + 0.5 * self._step, self._step)
         self._measured = log.input == "rotor_speed"
@@ -64,7 +64,7 @@ class Rotors:
         if self._measured or not (lags or shift):
             thrust = self._respond(self._nominal, chain)
         else:
-            thrust = self._respond(self._held(shift), [*self._file_effects(lags), *chain])
+            thrust = self._respond(self._command_means(shift), [*self._file_effects(lags), *chain])
         lag = max(
             (e.time_constant for e in lags),
             default=0.0 if self._measured else self._vehicle.rotor_time_constant,
@@ -97,7 +97,11 @@ class Rotors:
     def _nominal(self) -> np.ndarray:
         """(m, 4) thrust of the vehicle as its file describes it, at substeps [N]."""
         smooth = self._measured and not self._steps
-        asked = Signal(self._row_t, self._read[0]).linear(self._t) if smooth else self._held(0.0)
+        asked = (
+            Signal(self._row_t, self._read[0]).linear(self._t)
+            if smooth
+            else self._command_means(0.0)
+        )
         return self._respond(asked, self._file_effects([]))
 
     def _mean(self, thrust: np.ndarray) -> np.ndarray:
@@ -150,7 +154,7 @@ class Rotors:
             return log.u @ vehicle.unmixer.T, np.zeros(4)
         return likely @ vehicle.unmixer.T, noise
 
-    def _held(self, shift: float) -> np.ndarray:
+    def _command_means(self, shift: float) -> np.ndarray:
         """Return the mean (m, 4) over substeps of a command that is held between rows and beyond
         both ends [N].
         """

@@ -20,7 +20,8 @@ REGRESSOR_BAND = 8.0  # low-pass on accelerations that enter as regressors [Hz];
 RINGING = (0.5, 1.5)  # band in which payloads resonate [Hz]
 # initial ratio of accelerometer error to white noise in that band [1]: flicker of a MEMS sensor
 REDDER = 3.0
-QUIETEST = 1e-6  # least noise of an accelerometer [m/s²]; avoids a division by zero
+# least noise of an accelerometer [m/s²]; avoids a division by zero
+LEAST_ACCELEROMETER_NOISE = 1e-6
 
 
 @dc.dataclass(frozen=True)
@@ -121,9 +122,9 @@ def _corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.n
     # mean error against the positions
     a = a + 2.0 * np.polynomial.polynomial.polyfit(t - t[0], missed, 2)[2]
     noise_p, noise_a = (float(np.sqrt(np.mean(white_noise([x]) ** 2))) for x in (p, a))
-    first = _along_path(t, p, a, noise_p / max(REDDER * noise_a, QUIETEST))
+    first = _along_path(t, p, a, noise_p / max(REDDER * noise_a, LEAST_ACCELEROMETER_NOISE))
     ringing = _ringing(first - a, float(np.median(np.diff(t))))
-    return _along_path(t, p, a, noise_p / max(noise_a, ringing, QUIETEST))
+    return _along_path(t, p, a, noise_p / max(noise_a, ringing, LEAST_ACCELEROMETER_NOISE))
 
 
 def _along_path(t: np.ndarray, p: np.ndarray, a: np.ndarray, ratio: float) -> np.ndarray:
@@ -195,7 +196,7 @@ def velocity_before(
 CROSSOVER = 1.0  # [Hz]; own choice: above it the gyro is better than a reading of 1 mrad or worse
 # [Hz]; own choice: below it the gyro drifts in W, and the error of a reading drifts in B
 DRIFT = 0.2
-ROUNDS = 3  # iterations that separate the two drifts; own choice
+DRIFT_ROUNDS = 3  # iterations that separate the two drifts; own choice
 # attitude noise below which readings are used as they are, and sensors may be ideal [rad]
 QUIET = 1e-3
 
@@ -221,7 +222,7 @@ def _without_drift(carried: np.ndarray, q: np.ndarray, step: float) -> np.ndarra
     The error of a reading, which is constant in B, is removed before the drift is estimated.
     """
     reading_error = np.zeros((len(q), 3))
-    for _ in range(ROUNDS):
+    for _ in range(DRIFT_ROUNDS):
         was = attitude.multiply(q, attitude.from_rotation_vector(-reading_error))
         drift = _unwound(
             attitude.rotation_vector(attitude.multiply(was, attitude.conjugate(carried)))

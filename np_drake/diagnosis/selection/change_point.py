@@ -33,9 +33,9 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 
 COARSE = 5  # rows between instants that are tried at first
-EDGE = 0.7  # from either end of a flight, without onsets [s]
-SPAN = 0.4  # that holds an onset as likely as possible [s]
-LEAST_GAIN = 1.0  # log evidence, prior included, from which an onset is tried
+ONSET_EDGE = 0.7  # from either end of a flight, without onsets [s]
+ONSET_SPAN = 0.4  # that holds an onset as likely as possible [s]
+LEAST_ONSET_GAIN = 1.0  # log evidence, prior included, from which an onset is tried
 
 
 class TriedOnsets:
@@ -67,13 +67,14 @@ class TriedOnsets:
         self.sums = self.sums.joined(self._flight.begun(self._X, self._suffix, rows), order)
 
     def most_likely(self, profile: np.ndarray) -> int:
-        """Return the row in the middle of the span of `SPAN` that most likely holds the onset.
+        """Return the row in the middle of the span of `ONSET_SPAN` that most likely holds the
+        onset.
 
         Source: own choice.
         """
         dense = np.interp(self.inside, self.rows, profile)
         weight = np.exp(dense - dense.max())
-        width = max(1, round(SPAN / (self._flight.t[1] - self._flight.t[0])))
+        width = max(1, round(ONSET_SPAN / (self._flight.t[1] - self._flight.t[0])))
         mass = (
             np.convolve(weight, np.ones(width), "valid")
             if width < len(weight)
@@ -128,7 +129,7 @@ class OnsetScan:
         size = sum(c.size for c in chosen)
         self._products = np.zeros((size + 1, size + 1))
         # Either side of what begins is then as long as a flight that can be diagnosed.
-        self._edge = edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
+        self._edge = edge = LEAST_DURATION if problem.options.tolerance.unmeasured else ONSET_EDGE
         # From which an effect may be absent, as they go on or were before.
         self._go_on = {e.name for e in problem.flights if e.goes_on or e.earlier}
         self._flights: dict[str, SwitchedRegressors] = {}
@@ -280,9 +281,9 @@ class OnsetScan:
                 )
                 best = float(profile.max(initial=-np.inf)) + (prior + widths[name])
                 never += prior if may_lack else 0.0
-                if best - max(start, never) > LEAST_GAIN:
+                if best - max(start, never) > LEAST_ONSET_GAIN:
                     scan.settle(scan.most_likely(profile))
-                elif may_lack and never - start > LEAST_GAIN:
+                elif may_lack and never - start > LEAST_ONSET_GAIN:
                     scan.now = scan.never
                     scan.onset = NEVER
                 else:
@@ -361,7 +362,7 @@ def switched_candidates(scan: OnsetScan) -> list[Candidate]:
 
 
 PIECES = "pieces"  # variant of a candidate that acts in pieces of flights, each of its size
-ROUNDS = 4  # in which steps are sought, at most
+STEP_ROUNDS = 4  # in which steps are sought, at most
 MOST_CHANGES = 4  # of a load in a flight: more of them are wind; source: own choice
 
 
@@ -376,16 +377,20 @@ def _in_steps(
     """
     steps = Times()
     scan = OnsetScan(problem, others)
-    for _ in range(ROUNDS):
+    for _ in range(STEP_ROUNDS):
         before = steps
         steps = scan.steps(weight)
         if steps == before:
             break
         at = places(len(times) + 1 for times in steps.values())
-        columns = {e.name: np.zeros((*e.y.shape, at[-1].stop)) for e in problem.flights}
-        for e, place in zip(problem.flights, at, strict=True):
-            begun = np.stack([e.begun(t) for t in (None, *steps[e.name], NEVER)], axis=-1)
-            columns[e.name][..., place] = weight.columns[e.name][..., :1] * -np.diff(begun, axis=-1)
+        columns = {
+            flight.name: np.zeros((*flight.y.shape, at[-1].stop)) for flight in problem.flights
+        }
+        for flight, place in zip(problem.flights, at, strict=True):
+            begun = np.stack([flight.begun(t) for t in (None, *steps[flight.name], NEVER)], axis=-1)
+            columns[flight.name][..., place] = weight.columns[flight.name][..., :1] * -np.diff(
+                begun, axis=-1
+            )
         pieces = dc.replace(weight, variant=PIECES, columns=columns, physical=None)
         scan = OnsetScan(problem.extended([pieces]), [*others, len(problem.candidates)])
     levels = [scan.mean[-at[-1].stop :][place] for place in at]
@@ -555,8 +560,8 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
     begin = [c for c, effect in known if effect.begins and not effect.has_hidden_state]
     changes = [c for c in begin if not _unchanged(c)]
     changes += [c for c, effect in known if effect.role == "change"]
-    earlier = [e.name for e in flights if e.earlier]
-    for names in ([e.name for e in flights if not e.goes_on], earlier):
+    earlier = [flight.name for flight in flights if flight.earlier]
+    for names in ([flight.name for flight in flights if not flight.goes_on], earlier):
         if not names or len(names) == len(flights):
             continue
         lacking: dict[str, float | None] = dict.fromkeys(names, NEVER)

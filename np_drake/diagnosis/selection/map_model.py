@@ -80,17 +80,17 @@ def condition(
         )
 
     # 1. Outliers, by what is left of the channels under white weights.
-    white = scale_only([e.y for e in flights], step)
+    white = scale_only([flight.y for flight in flights], step)
     sought = problem(white, candidates, options.priors.temperature)
     everything = [*candidates, *switched_candidates(OnsetScan(sought)), *new_conditions(sought)]
     residual = _residuals_of_all_effects(problem(white, everything))
     flights = [
-        dc.replace(e, outliers=e.outliers | find_outliers(r, step))
-        for e, r in zip(flights, residual, strict=True)
+        dc.replace(flight, outliers=flight.outliers | find_outliers(r, step))
+        for flight, r in zip(flights, residual, strict=True)
     ]
-    channels = [e.bridged(e.y) for e in flights]
+    channels = [flight.bridged(flight.y) for flight in flights]
     white = scale_only(channels, step)
-    if any(e.outliers.any() for e in flights):
+    if any(flight.outliers.any() for flight in flights):
         residual = _residuals_of_all_effects(problem(white, everything))
 
     # 2. Payloads, beside the best variant of every other effect.
@@ -99,11 +99,15 @@ def condition(
     others = [plain[i] for i in _best_variants(alone)]
     after_others = no_worse(_residuals_of_all_effects(problem(white, others)), channels)
     weights = (white, scale_only(after_others, step))  # a light payload shows in the second alone
-    search = PayloadSearch([e for e in flights if not e.earlier], options, lengths=lengths)
+    search = PayloadSearch(
+        [flight for flight in flights if not flight.earlier], options, lengths=lengths
+    )
     tried = () if PAYLOAD in hidden_from(flights) else weights
     followed = next(filter(None, (search.followed(n, nuisance, others) for n in tried)), [])
     payloads = [candidate for _, candidate in followed]
-    if earlier := dict[str, float | None]((e.name, NEVER) for e in flights if e.earlier):
+    if earlier := dict[str, float | None](
+        (flight.name, NEVER) for flight in flights if flight.earlier
+    ):
         payloads = [switched(c, flights, earlier) for c in payloads]
 
     # 3. Noise. A swing that is not fitted yet is a resonance of the noise, which would hide it:
@@ -132,12 +136,12 @@ def noise_of(
         inexact: share of what the model explains that it gets wrong [1]; `linear_error` for linear
             columns.
     """
-    residuals = [e.known(r) for e, r in zip(flights, residuals, strict=True)]
+    residuals = [flight.known(r) for flight, r in zip(flights, residuals, strict=True)]
     explained = [y - r for y, r in zip(channels, residuals, strict=True)]
     force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
     slow = np.zeros(channels[0].shape[1])
     slow[FORCE] = options.tolerance.attitude * force
-    white = np.sqrt(np.mean([e.rotor_noise**2 for e in flights], axis=0))
+    white = np.sqrt(np.mean([flight.rotor_noise**2 for flight in flights], axis=0))
     remaining = no_worse(residuals, list(channels))
     noise = fit_noise(
         remaining,
@@ -149,7 +153,9 @@ def noise_of(
     )
     if not flights[0].measured_rotors:
         return noise
-    return with_loudness(noise, [r - r.mean(axis=0) for r in remaining], [e.name for e in flights])
+    return with_loudness(
+        noise, [r - r.mean(axis=0) for r in remaining], [flight.name for flight in flights]
+    )
 
 
 def _best_variants(problem: RegressionProblem) -> list[int]:
@@ -171,8 +177,12 @@ def _residuals_of_all_effects(problem: RegressionProblem) -> list[np.ndarray]:
     columns = [*problem.nuisance, *(problem.candidates[i] for i in chosen)]
     parts = list(zip(columns, places(c.size for c in columns), strict=True))
     return [
-        e.known(e.bridged(e.y - sum(c.columns[e.name] @ mean[place] for c, place in parts)))
-        for e in problem.flights
+        flight.known(
+            flight.bridged(
+                flight.y - sum(c.columns[flight.name] @ mean[place] for c, place in parts)
+            )
+        )
+        for flight in problem.flights
     ]
 
 
@@ -218,7 +228,7 @@ def find_map_model(
     priors = options.priors
     best = None
     noise = of.noise
-    channels = [e.bridged(e.y) for e in of.flights]
+    channels = [flight.bridged(flight.y) for flight in of.flights]
     hung = list[Candidate]()
     acting = list[Candidate]()
     for first in (True, False):
@@ -237,7 +247,7 @@ def find_map_model(
         acting = [problem.candidates[i] for i in models[0].members]
         fit = first_fit if best is None else partial(refit, known=best)
         best = fit(problem, models[0], iterations=3)
-        residuals = [best.residual(e) for e in of.flights]
+        residuals = [best.residual(flight) for flight in of.flights]
         noise = noise_of(of.flights, residuals, channels, options, priors.linear_error)
     assert best is not None
     exact = noise_of(of.flights, residuals, channels, options)
@@ -361,8 +371,10 @@ def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[
         """Return the whitened size of what these effects leave in the flights."""
         rest = [t for t in terms if t.effect.identifier not in names]
         white = (
-            e.white(problem.noise, predicted_residual(e, terms) - predicted_residual(e, rest))
-            for e in flights
+            flight.white(
+                problem.noise, predicted_residual(flight, terms) - predicted_residual(flight, rest)
+            )
+            for flight in flights
         )
         return float(np.sqrt(sum(np.sum(w**2) for w in white)))
 

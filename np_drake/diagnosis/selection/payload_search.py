@@ -142,9 +142,9 @@ class PayloadColumns:
             return c, log_probability if hangs else -math.inf
 
         columns = {}
-        for e in flights:
-            columns[e.name] = np.zeros((*e.y.shape, self.size))
-            columns[e.name][:, WRENCH][..., self.at(e.name)] = self.by_flight[e.name]
+        for flight in flights:
+            columns[flight.name] = np.zeros((*flight.y.shape, self.size))
+            columns[flight.name][:, WRENCH][..., self.at(flight.name)] = self.by_flight[flight.name]
         return Candidate(
             (PAYLOAD,),
             f"length={self.guess.effect.values['length']:.3g}",
@@ -209,14 +209,14 @@ def payload_about(
         widths = [priors.length, priors.damping]
     rate = math.sqrt(flights[0].vehicle.gravity / values["length"])
     by_flight = {}
-    for e in flights:
-        size = hidden_size(e, guess.begins(e.name)) if shaped else STATE
-        swing = padded(guess.hidden.get(e.name), size)
+    for flight in flights:
+        size = hidden_size(flight, guess.begins(flight.name)) if shaped else STATE
+        swing = padded(guess.hidden.get(flight.name), size)
         swung = [
-            dc.replace(guess, hidden={e.name: swing + move})
+            dc.replace(guess, hidden={flight.name: swing + move})
             for move in SMALL * np.diag(swing_units(size, rate))
         ]
-        wrench = swing_wrenches(e, [guess, *shapes, *swung])
+        wrench = swing_wrenches(flight, [guess, *shapes, *swung])
         rest = wrench[:, :1]
         moved = wrench[:, 1:]
         X = np.zeros((len(wrench), AT_REST + moved.shape[1], 6))
@@ -226,7 +226,7 @@ def payload_about(
         X[:, AT_REST:] = (moved - rest) * (
             np.array([*widths, *[priors.swing] * size])[:, None] / SMALL
         )
-        by_flight[e.name] = np.swapaxes(X, 1, 2) * e.shown[:, None]
+        by_flight[flight.name] = np.swapaxes(X, 1, 2) * flight.shown[:, None]
     return PayloadColumns(guess, by_flight, rate, priors, shaped)
 
 
@@ -259,36 +259,41 @@ class OtherRegressors:
         candidates = [*nuisance, *others]
         self._size = sum(c.size for c in candidates)
         self._white = []
-        for e in flights:
-            y = e.y[:, :CHANNELS, None]
+        for flight in flights:
+            y = flight.y[:, :CHANNELS, None]
             X = np.concatenate(
-                [y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in candidates)], axis=-1
+                [y[..., :0], *(c.columns[flight.name][: len(y), :CHANNELS] for c in candidates)],
+                axis=-1,
             )
             acting = np.flatnonzero(X.any(axis=(0, 1)))
-            self._white.append((self._flat(e, X[..., acting]), self._flat(e, y)[:, 0], acting))
+            self._white.append(
+                (self._flat(flight, X[..., acting]), self._flat(flight, y)[:, 0], acting)
+            )
         self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_outliers()))})
-        self.heads = {h: [e.head(self._end(e, h)) for e in flights] for h in self.horizons}
+        self.heads = {
+            h: [flight.head(self._end(flight, h)) for flight in flights] for h in self.horizons
+        }
         self._base = {horizon: self._factored(horizon) for horizon in self.horizons}
 
-    def _begin(self, e: FlightResiduals) -> float:
-        return max(self._onset.get(e.name) or 0.0, e.t[0])
+    def _begin(self, flight: FlightResiduals) -> float:
+        return max(self._onset.get(flight.name) or 0.0, flight.t[0])
 
-    def _end(self, e: FlightResiduals, horizon: float) -> int:
+    def _end(self, flight: FlightResiduals, horizon: float) -> int:
         """Rows of a flight until the horizon after the payload's begin."""
-        return int(np.searchsorted(e.t, self._begin(e) + horizon))
+        return int(np.searchsorted(flight.t, self._begin(flight) + horizon))
 
-    def _rows(self, e: FlightResiduals, horizon: float) -> int:
+    def _rows(self, flight: FlightResiduals, horizon: float) -> int:
         """Whitened rows times channels until the horizon."""
-        return max(0, self._end(e, horizon) - self._noise.phi.shape[1]) * CHANNELS
+        return max(0, self._end(flight, horizon) - self._noise.phi.shape[1]) * CHANNELS
 
     def _after_outliers(self) -> list[float]:
         """Seconds after the payload's begin by which a jump shows, those that are close to one
         another once.
         """
         ends = sorted(
-            float(e.t[k] - self._begin(e) + AFTER_OUTLIER)
-            for e in self._flights
-            for k in jumps(e, self._onset.get(e.name))
+            float(flight.t[k] - self._begin(flight) + AFTER_OUTLIER)
+            for flight in self._flights
+            for k in jumps(flight, self._onset.get(flight.name))
         )
         later = [*ends[1:], math.inf]
         return [end for end, following in zip(ends, later, strict=False) if following - end > 1.0]
@@ -299,8 +304,8 @@ class OtherRegressors:
         """
         XX = np.eye(self._size)
         Xy = np.zeros(self._size)
-        for e, (X, y, acting) in zip(self._flights, self._white, strict=True):
-            n = self._rows(e, horizon)
+        for flight, (X, y, acting) in zip(self._flights, self._white, strict=True):
+            n = self._rows(flight, horizon)
             XX[np.ix_(acting, acting)] += X[:n].T @ X[:n]
             Xy[acting] += X[:n].T @ y[:n]
         factor = np.linalg.cholesky(XX)
@@ -345,10 +350,10 @@ class OtherRegressors:
         PX = np.zeros((k, self._size))
         PP = np.zeros((k, k))
         Py = np.zeros(k)
-        for e, (X, y, acting) in zip(self._flights, self._white, strict=True):
-            rows = self._rows(e, horizon)
-            place = payload.at(e.name)
-            P = self._flat(e, payload.by_flight[e.name])[:rows]
+        for flight, (X, y, acting) in zip(self._flights, self._white, strict=True):
+            rows = self._rows(flight, horizon)
+            place = payload.at(flight.name)
+            P = self._flat(flight, payload.by_flight[flight.name])[:rows]
             PX[np.ix_(place, acting)] += P.T @ X[:rows]
             PP[np.ix_(place, place)] += P.T @ P
             Py[place] += P.T @ y[:rows]
@@ -359,9 +364,9 @@ class OtherRegressors:
             Gram(PP - B[:n].T @ B[:n], Py - B[:n].T @ b[:n]) for n in (self._size, self._nuisance)
         ]
 
-    def _flat(self, e: FlightResiduals, values: np.ndarray) -> np.ndarray:
+    def _flat(self, flight: FlightResiduals, values: np.ndarray) -> np.ndarray:
         """Return (rows x channels, k) force and torque (m, 6, k), of the first m rows, whitened."""
-        white = self._noise.whiten(bridge(values, e.outliers[: len(values)]))
+        white = self._noise.whiten(bridge(values, flight.outliers[: len(values)]))
         return white.reshape(len(white) * CHANNELS, values.shape[-1])
 
 
@@ -374,7 +379,7 @@ SHARPENED = ((0.4, 0.05), (0.04, 0.01))  # about an onset: span to either side a
 # of a span, at most, whose best instant is nearer to an end than to its middle; own choice
 MOVES = 4
 AFTER_ONSET = 2.0  # up to which the evidence of an onset is computed [s]
-STEPS = 3  # Gauss-Newton steps at each horizon
+STEPS_AT_HORIZON = 3  # Gauss-Newton steps at each horizon
 
 
 def search_lengths(flights: Sequence[FlightResiduals]) -> np.ndarray:
@@ -389,7 +394,10 @@ def search_lengths(flights: Sequence[FlightResiduals]) -> np.ndarray:
     """
     usual = np.geomspace(*SEARCH_LENGTHS)
     height = greatest_height(flights)
-    swings = flights[0].vehicle.gravity * (max(np.ptp(e.t) for e in flights) / (2 * np.pi)) ** 2
+    swings = (
+        flights[0].vehicle.gravity
+        * (max(np.ptp(flight.t) for flight in flights) / (2 * np.pi)) ** 2
+    )
     most = min(height, swings, LONGEST_TETHER) if np.isfinite(height) else 0.0
     # A swing drifts out of step by the same angle where 1 / sqrt(length) is evenly spaced.
     first = usual[-1] ** -0.5
@@ -496,35 +504,35 @@ class PayloadSearch:
         """Return sharpened onsets [s] of a payload like the guess, its swing free."""
         onsets = dict(self._onset)
 
-        def best_about(e: FlightResiduals, near: float, span: float, step: float) -> float:
+        def best_about(flight: FlightResiduals, near: float, span: float, step: float) -> float:
             """Return the best instant of one flight within `span` of `near` [s]."""
-            head = [e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))]
+            head = [flight.head(int(np.searchsorted(flight.t, near + AFTER_ONSET)))]
             horizon = AFTER_ONSET
-            regressors = OtherRegressors(head, noise, nuisance, [], {e.name: near}, (horizon,))
-            first = max(e.t[1], near - span)
-            last = min(e.t[-1], near + span)
-            times = np.arange(first, last, max(step, e.grid.step)).tolist()
+            regressors = OtherRegressors(head, noise, nuisance, [], {flight.name: near}, (horizon,))
+            first = max(flight.t[1], near - span)
+            last = min(flight.t[-1], near + span)
+            times = np.arange(first, last, max(step, flight.grid.step)).tolist()
             gains = []
             for t in times:
-                payload = dc.replace(guess, onset={e.name: t}, hidden={})
-                for _ in range(1 + STEPS):
+                payload = dc.replace(guess, onset={flight.name: t}, hidden={})
+                for _ in range(1 + STEPS_AT_HORIZON):
                     columns = payload_about(head, payload, self._priors)
                     gain, mean = regressors.gain(columns, horizon)
                     payload = columns.moved(mean)
                 gains.append(gain)
             return times[np.argmax(gains)]
 
-        for e in self._flights:
-            near = onsets.get(e.name)
+        for flight in self._flights:
+            near = onsets.get(flight.name)
             if near is None or near == NEVER:
                 continue
             for span, step in SHARPENED:
                 for _ in range(MOVES):
                     before = near
-                    near = best_about(e, near, span, step)
+                    near = best_about(flight, near, span, step)
                     if abs(near - before) <= 0.5 * span:
                         break
-            onsets[e.name] = near
+            onsets[flight.name] = near
         return onsets
 
     def _follow(
@@ -544,11 +552,11 @@ class PayloadSearch:
         for horizon in [h for h in regressors.horizons if h >= first]:
             flights = regressors.heads[horizon]
             payload = payload_about(flights, guess, priors)
-            for _ in range(STEPS - 1 if len(mean) else 0):
+            for _ in range(STEPS_AT_HORIZON - 1 if len(mean) else 0):
                 swung = regressors.swing_alone(payload, horizon, mean[0], alone=alone)
                 payload = payload_about(flights, payload.moved(swung), priors)
             gain, mean = regressors.gain(payload, horizon, alone=alone)
-            for _ in range(STEPS):
+            for _ in range(STEPS_AT_HORIZON):
                 new = payload_about(flights, payload.moved(mean), priors)
                 new_gain, new_mean = regressors.gain(new, horizon, alone=alone)
                 if new_gain < gain and horizon == math.inf:

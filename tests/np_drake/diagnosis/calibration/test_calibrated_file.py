@@ -9,7 +9,7 @@ import pytest
 
 from np_drake.diagnosis.calibration import of_vehicle, with_fixed_effects
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import SPREAD, Tolerance
+from np_drake.diagnosis.options import PRIOR_SPREAD, Tolerance
 from np_drake.diagnosis.residuals import WRENCH, make_flight_residuals
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
@@ -69,10 +69,10 @@ def test_a_stated_interval_is_the_spread_of_its_number(seen):
     dut = of_vehicle(
         seen(vehicle=dc.replace(FILE, intervals=told).check(), seed=1, seconds=4.0), UNMEASURED
     )
-    assert [d.deviation["efficiency"] for d in dut if d.effect is WeakRotor] == pytest.approx(
+    assert [d.sigma["efficiency"] for d in dut if d.effect is WeakRotor] == pytest.approx(
         [0.05 / 1.96, 0.02 / 1.96, 0.01 / 1.96, 0.01 / 1.96]
     )
-    (center,) = (d.deviation for d in dut if d.effect is CenterOfMassOffset)
+    (center,) = (d.sigma for d in dut if d.effect is CenterOfMassOffset)
     assert center["x"] == pytest.approx(0.002 / 1.96)
-    assert center["y"] == pytest.approx(SPREAD.center_of_mass * np.hypot(0.127, 0.127))
+    assert center["y"] == pytest.approx(PRIOR_SPREAD.center_of_mass * np.hypot(0.127, 0.127))
     assert not any(d.effect is MotorLag for d in dut)

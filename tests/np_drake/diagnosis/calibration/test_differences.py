@@ -5,7 +5,7 @@ import dataclasses as dc
 import pytest
 
 from np_drake.diagnosis.calibration import calibration_effects, differences
-from np_drake.diagnosis.options import SPREAD, Options
+from np_drake.diagnosis.options import PRIOR_SPREAD, Options
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.combine import mass_properties, split_effects
@@ -48,7 +48,7 @@ def test_a_tilt_of_one_flight_names_that_flight(dut):
     assert tilt.by_flight["b"] - tilt.by_flight["a"] == pytest.approx(TILT, abs=0.01)
 
 
-HEALTHY = (WeakRotor(1.0, 1 - SPREAD.rotor_gain), BladeFlapping(0.05))
+HEALTHY = (WeakRotor(1.0, 1 - PRIOR_SPREAD.rotor_gain), BladeFlapping(0.05))
 
 
 def flown(seen, *effects):

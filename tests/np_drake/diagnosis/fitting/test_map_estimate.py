@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.deviation import Deviation
+from np_drake.diagnosis.effect_prior import EffectPrior
 from np_drake.diagnosis.fitting import (
     at_its_bound,
     free_parameters,
@@ -93,7 +93,7 @@ def test_calibration_moves_no_further_than_its_prior_lets_it(seen, noise):
     flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
     tight, loose = (
         fitted([], flight, noise, [d])
-        for d in (Deviation(MassError, {"delta_mass": width}) for width in (1e-4, 1.0))
+        for d in (EffectPrior(MassError, {"delta_mass": width}) for width in (1e-4, 1.0))
     )
     assert abs(tight.calibration[0].effect.delta_mass) < 0.02
     assert loose.calibration[0].effect.delta_mass == pytest.approx(0.2, rel=0.03)
@@ -104,7 +104,7 @@ TERMS = [
     Term(SuspendedPayload(0.2, 0.7), {"b": NEVER}),
     Term(ThrustScale(0.95)),
 ]
-KNOWN = {2: Deviation(ThrustScale, {"scale": 0.01})}
+KNOWN = {2: EffectPrior(ThrustScale, {"scale": 0.01})}
 
 
 def test_what_is_written_is_read(seen):

@@ -7,10 +7,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration import flight_errors, healthy_spread, nuisance_of
-from np_drake.diagnosis.deviation import columns_of, file_deviations
+from np_drake.diagnosis.calibration import flight_errors, healthy_prior, nuisance_of
+from np_drake.diagnosis.effect_prior import columns_of, file_priors
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import SPREAD, Options, Priors, Tolerance
+from np_drake.diagnosis.options import PRIOR_SPREAD, Options, Priors, Tolerance
 from np_drake.diagnosis.regressors import library_candidates, with_input
 from np_drake.diagnosis.regressors.library_regressors import THROTTLE_SCALE, command_timing
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
@@ -90,13 +90,13 @@ def test_a_throttle_opens_the_mounting_and_the_latency_of_its_autopilot(flights)
         dc.replace(e, vehicle=held, log=dc.replace(e.log, input="normalised")) for e in flights
     ]
     open_ = with_input(Options.for_sensors(True), flying).tolerance
-    found = {d.name: set(d.deviation.values()) for d in file_deviations(Vehicle(), open_)}
-    assert found["imu_mounting"] == {SPREAD.mounting}
-    assert found["attitude_latency"] == {SPREAD.latency}
+    found = {d.name: set(d.deviation.values()) for d in file_priors(Vehicle(), open_)}
+    assert found["imu_mounting"] == {PRIOR_SPREAD.mounting}
+    assert found["attitude_latency"] == {PRIOR_SPREAD.latency}
 
 
 def test_calibration_is_mass_and_thrust_at_their_deviations(flights):
-    every = file_deviations(Vehicle(), Tolerance())
+    every = file_priors(Vehicle(), Tolerance())
     found = {d.name: d.deviation for d in every}
     assert found == {
         "thrust_scale": {"scale": 0.005},
@@ -121,7 +121,7 @@ STATED = Vehicle(
 
 
 def test_what_a_file_states_of_a_field_is_its_prior(flights):
-    found = {d.name: d for d in file_deviations(STATED, Tolerance(thrust=0.02))}
+    found = {d.name: d for d in file_priors(STATED, Tolerance(thrust=0.02))}
     assert list(found["inertia_error"].deviation.values()) == pytest.approx([0.1 / 1.96] * 3)
     assert found["motor_lag"].deviation == {"time_constant": pytest.approx(0.006 / 1.96)}
     assert found["motor_lag"].term.effect.time_constant == 0.03
@@ -136,7 +136,7 @@ def test_what_is_stated_of_some_axes_does_not_excuse_the_others(flights, axes, e
     moments = enumerate(VEHICLE.J.diagonal()[:axes])
     some = {f"inertia[{i}][{i}]": [0.9 * J, 1.1 * J] for i, J in moments}
     e = dc.replace(flights[0], vehicle=dc.replace(VEHICLE, intervals=some))
-    found = healthy_spread(InertiaError(1.2, 1.2, 1.2), e, Tolerance())
+    found = healthy_prior(InertiaError(1.2, 1.2, 1.2), e, Tolerance())
     assert bool(found) is excused
 
 

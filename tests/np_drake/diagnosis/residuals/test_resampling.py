@@ -12,7 +12,7 @@ from np_drake.diagnosis.residuals import (
     bridge,
     find_outliers,
 )
-from np_drake.diagnosis.residuals.resampling import STEP, TAPS, make_grid
+from np_drake.diagnosis.residuals.resampling import GRID_STEP, TAPS, make_grid
 
 INSIDE = slice(TAPS + 1, -TAPS - 1)  # where the low-pass sees no held end
 
@@ -65,29 +65,29 @@ def quiet() -> np.ndarray:
 
 
 def test_noise_and_steps_and_swings_are_no_outliers(quiet):
-    t = STEP * np.arange(1000)
+    t = GRID_STEP * np.arange(1000)
     quiet[:, 0] += np.where(t > 8.0, 40.0, 0.0)
     quiet[:, 1] += 40.0 * np.sin(2 * np.pi * 0.7 * t)
-    assert not find_outliers(quiet, STEP).any()
+    assert not find_outliers(quiet, GRID_STEP).any()
 
 
 def test_outliers_that_are_close_are_one(quiet):
     quiet[400, 2] += 60.0
-    quiet[400 + int(0.8 * OUTLIERS_APART / STEP), 3] -= 60.0
+    quiet[400 + int(0.8 * OUTLIERS_APART / GRID_STEP), 3] -= 60.0
     quiet[800, 2] += 60.0
-    found = find_outliers(quiet, STEP)
-    assert np.all(found[400 : 400 + int(0.8 * OUTLIERS_APART / STEP)])
+    found = find_outliers(quiet, GRID_STEP)
+    assert np.all(found[400 : 400 + int(0.8 * OUTLIERS_APART / GRID_STEP)])
     assert np.sum(np.diff(found.astype(int)) > 0) == 2
 
 
 def test_a_tether_that_bounces_is_one_outlier_and_what_lasts_is_none(quiet):
-    rows = np.arange(400, 400 + int(0.5 * LONGEST_BOUNCE / STEP))
+    rows = np.arange(400, 400 + int(0.5 * LONGEST_BOUNCE / GRID_STEP))
     quiet[rows, 2] += 60.0
-    assert not find_outliers(quiet, STEP).any()
-    assert find_outliers(quiet, STEP, LONGEST_BOUNCE)[rows].all()
-    quiet[400 : 400 + int(2 * LONGEST_BOUNCE / STEP), 2] += 60.0
-    assert not find_outliers(quiet, STEP, LONGEST_BOUNCE)[
-        400 + int(0.5 * LONGEST_BOUNCE / STEP) + 5
+    assert not find_outliers(quiet, GRID_STEP).any()
+    assert find_outliers(quiet, GRID_STEP, LONGEST_BOUNCE)[rows].all()
+    quiet[400 : 400 + int(2 * LONGEST_BOUNCE / GRID_STEP), 2] += 60.0
+    assert not find_outliers(quiet, GRID_STEP, LONGEST_BOUNCE)[
+        400 + int(0.5 * LONGEST_BOUNCE / GRID_STEP) + 5
     ]
 
 

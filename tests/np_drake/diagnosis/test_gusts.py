@@ -6,7 +6,7 @@ import pytest
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.gusts import (
-    BIN,
+    WIND_BIN,
     WindForce,
     as_gusts,
     binned,
@@ -109,9 +109,9 @@ def test_a_drag_that_is_hardly_known_widens_the_figures_of_the_wind(blown):
 
 def test_the_covariance_of_bins_is_that_of_averages():
     fine, time = 50, 0.25
-    t = (np.arange(4 * fine) + 0.5) * BIN / fine
+    t = (np.arange(4 * fine) + 0.5) * WIND_BIN / fine
     exact = np.exp(-np.abs(t[:, None] - t) / time).reshape(4, fine, 4, fine).mean(axis=(1, 3))
-    root = factor(4, BIN, 1.0, time, 0.0)
+    root = factor(4, WIND_BIN, 1.0, time, 0.0)
     np.testing.assert_allclose(root @ root.T, exact, atol=2e-4)
 
 
@@ -149,7 +149,7 @@ def begin_of(e, residual, taken_for, wind, options=IDEAL):
 def wandering(e, rng):
     """(m, 15) of an attitude that errs as a rig's may, in tolerances, and of white noise."""
     drift = gauss_markov(rng, e.t, REAL.priors.attitude_drift[0])
-    white = 0.03 * np.sqrt(BIN / e.grid.step) * rng.standard_normal(drift.shape)
+    white = 0.03 * np.sqrt(WIND_BIN / e.grid.step) * rng.standard_normal(drift.shape)
     residual = np.zeros((len(e.t), 15))
     residual[:, :3] = e.weight * REAL.tolerance.attitude * drift + white
     return residual
@@ -162,7 +162,9 @@ def test_gusts_begin_where_their_power_does_whatever_their_mean(flights, taken_f
     steady = np.stack([mean * MEAN, np.zeros(3)], axis=1)
     wind = WindForce(steady, (DEVIATION, 0.3, 0.7), (0.5, 0.3, 0.8), 0.03)
     for e in flights:
-        assert begin_of(e, residual[e.name], taken_for, wind) == pytest.approx(8.0, abs=2 * BIN)
+        assert begin_of(e, residual[e.name], taken_for, wind) == pytest.approx(
+            8.0, abs=2 * WIND_BIN
+        )
 
 
 @pytest.mark.parametrize("options", [IDEAL, REAL])
@@ -173,7 +175,7 @@ def test_a_wind_makes_a_calm_less_likely_from_its_begin_on(flights, options, pus
     blown = calm + pushed(flights, np.random.default_rng(2), 0.5, begin=8.0)[e.name]
     dut, alone = (still_air_loss(e, residual, wind, options) for residual in (blown, calm))
     assert dut[-1] > alone[-1] + 100.0
-    before = slice(0, int(7.9 / BIN))
+    before = slice(0, int(7.9 / WIND_BIN))
     assert np.abs(dut - alone)[before].max() < 0.1 * (dut - alone)[-1]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from np_drake.diagnosis.decision.decide import DRAWS, SizePosterior
+from np_drake.diagnosis.decision.decide import SIZE_DRAWS, SizePosterior
 from np_drake.diagnosis.fitting import scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.options import Options, Size
@@ -30,7 +30,7 @@ def flights(seen):
 @pytest.mark.parametrize("share", [0.02, 0.5])
 def test_the_size_of_one_parameter_is_drawn_from_its_gaussian(fit_at, flights, share):
     drawn = SizePosterior(fit_at(MassError(0.2), covariance=0.2 * share), 0, flights).relative()
-    assert drawn.shape == (DRAWS,)
+    assert drawn.shape == (SIZE_DRAWS,)
     test = stats.kstest(drawn, stats.foldnorm(1 / share, scale=share).cdf)  # of |1 + share n|
     assert test.pvalue > 1e-3
 
@@ -43,7 +43,7 @@ def test_the_size_of_several_parameters_is_the_power_of_what_they_predict(fit_at
     power = J.T @ J
     # scales are alike
     expected = 1 + np.trace(power @ spread**2) / (fit.values @ power @ fit.values)
-    error = np.std(drawn**2) / np.sqrt(DRAWS)
+    error = np.std(drawn**2) / np.sqrt(SIZE_DRAWS)
     assert np.mean(drawn**2) == pytest.approx(expected, abs=CHANCE * error)
 
 

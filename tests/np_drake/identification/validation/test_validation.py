@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.identification.validation import held_out
+from np_drake.identification.validation import held_out_errors
 from tests.np_drake.identification import analytic
 
 
@@ -12,7 +12,7 @@ def unseen():
 
 @pytest.fixture(scope="module")
 def dut(found, unseen):
-    return {row.model: row for row in held_out(found, unseen)}
+    return {row.model: row for row in held_out_errors(found, unseen)}
 
 
 def test_on_unseen_flights_the_identified_model_goes_before_the_file(dut):

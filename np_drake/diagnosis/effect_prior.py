@@ -24,12 +24,12 @@ from np_drake.effects import (
 from np_drake.effects.base import Effect, Parameter
 from np_drake.vehicle import Vehicle
 
-ROTORS = (1.0, 2.0, 3.0, 4.0)
+ROTOR_NUMBERS = (1.0, 2.0, 3.0, 4.0)
 PART = 0.2  # of a deviation at which a mass effect is differenced, as it is not quite linear [1]
 
 
 @dc.dataclass(frozen=True)
-class Deviation:
+class EffectPrior:
     """Standard deviations of parameters of an effect, by name [SI]; `fixed` ones have a value.
 
     at_value: the deviation is that of a coefficient of the effect at these values, which is not
@@ -38,7 +38,7 @@ class Deviation:
     """
 
     effect: type[Effect]
-    deviation: dict[str, float]
+    sigma: dict[str, float]
     fixed: dict[str, float] = dc.field(default_factory=dict)
     at_value: bool = False
     about: dict[str, float] = dc.field(default_factory=dict)
@@ -68,28 +68,28 @@ class Deviation:
         return self.effect.of({**free, **self.fixed, **values})
 
 
-def file_deviations(vehicle: Vehicle, tolerance: Tolerance) -> list[Deviation]:
+def file_priors(vehicle: Vehicle, tolerance: Tolerance) -> list[EffectPrior]:
     """Return by what every vehicle may differ from its file, with the standard deviations: mass,
     thrust, what its input leaves open, and of a measured vehicle what its intervals state.
     """
-    deviations = [
-        Deviation(ThrustScale, {"scale": tolerance.thrust}),
-        Deviation(MassError, {"delta_mass": tolerance.mass * vehicle.mass}),
-        Deviation(ThrottleCurve, {"curve": tolerance.throttle_curve}),
-        Deviation(ClockOffset, {"offset": tolerance.timing}),
-        Deviation(ImuMounting, dict.fromkeys(("roll", "pitch", "yaw"), tolerance.mounting)),
-        Deviation(AttitudeLatency, {"latency": tolerance.latency}),
+    effect_priors = [
+        EffectPrior(ThrustScale, {"scale": tolerance.thrust}),
+        EffectPrior(MassError, {"delta_mass": tolerance.mass * vehicle.mass}),
+        EffectPrior(ThrottleCurve, {"curve": tolerance.throttle_curve}),
+        EffectPrior(ClockOffset, {"offset": tolerance.timing}),
+        EffectPrior(ImuMounting, dict.fromkeys(("roll", "pitch", "yaw"), tolerance.mounting)),
+        EffectPrior(AttitudeLatency, {"latency": tolerance.latency}),
         *([] if tolerance.unmeasured else _stated(vehicle)),
     ]
     # What is certain differs by nothing.
     known = [
-        dc.replace(d, deviation={name: sd for name, sd in d.deviation.items() if sd > 0})
-        for d in deviations
+        dc.replace(d, sigma={name: sd for name, sd in d.sigma.items() if sd > 0})
+        for d in effect_priors
     ]
-    return [d for d in known if d.deviation]
+    return [d for d in known if d.sigma]
 
 
-def _stated(vehicle: Vehicle) -> list[Deviation]:
+def _stated(vehicle: Vehicle) -> list[EffectPrior]:
     """Return what the intervals of a file state; 0 where they state nothing."""
 
     def of(field: str, *place: int, over: float = 1.0) -> float:
@@ -100,21 +100,21 @@ def _stated(vehicle: Vehicle) -> list[Deviation]:
     center = {axis: of("calibration.center_of_mass", i) for i, axis in enumerate("xyz")}
     gains = [of("calibration.rotor_gains", i) for i in range(4)]
     lag = {"time_constant": vehicle.rotor_time_constant}
-    deviations = [
-        Deviation(InertiaError, dict(zip(scales, moments, strict=True))),
-        Deviation(CenterOfMassOffset, center),
+    effect_priors = [
+        EffectPrior(InertiaError, dict(zip(scales, moments, strict=True))),
+        EffectPrior(CenterOfMassOffset, center),
         *(
-            Deviation(WeakRotor, {"efficiency": gain}, {"rotor": rotor})
-            for rotor, gain in zip(ROTORS, gains, strict=True)
+            EffectPrior(WeakRotor, {"efficiency": gain}, {"rotor": rotor})
+            for rotor, gain in zip(ROTOR_NUMBERS, gains, strict=True)
         ),
-        Deviation(MixerGain, {"yaw": of("torque_coefficient", over=vehicle.torque_coefficient)}),
-        Deviation(MotorLag, {"time_constant": of("rotor_time_constant")}, about=lag),
+        EffectPrior(MixerGain, {"yaw": of("torque_coefficient", over=vehicle.torque_coefficient)}),
+        EffectPrior(MotorLag, {"time_constant": of("rotor_time_constant")}, about=lag),
     ]
-    return [dc.replace(d, stated=True) for d in deviations]
+    return [dc.replace(d, stated=True) for d in effect_priors]
 
 
 def columns_of(
-    e: FlightResiduals, deviations: Sequence[Deviation], part: float = PART
+    flight: FlightResiduals, effect_priors: Sequence[EffectPrior], part: float = PART
 ) -> np.ndarray:
     """Return columns (m, 15, k) of all parameters of deviations, of one standard deviation each.
 
@@ -123,13 +123,13 @@ def columns_of(
     """
     stages: Stages = {}
     out = []
-    for d in deviations:
+    for d in effect_priors:
         parameters = {p.name: p for p in d.effect.parameters}
-        for name, deviation in d.deviation.items():
+        for name, sigma in d.sigma.items():
             p = parameters[name]
-            step = deviation * (part if d.effect.place == "mass" else 1.0)
+            step = sigma * (part if d.effect.place == "mass" else 1.0)
             usual = d.usual(p)
             step = min(step, p.upper - usual) or max(-step, p.lower - usual)
             moved = Term(d.at(**{name: usual + step}))
-            out.append(predicted_residual(e, [moved], stages) * (deviation / step))
-    return np.stack(out, axis=-1) if out else np.zeros((*e.y.shape, 0))
+            out.append(predicted_residual(flight, [moved], stages) * (sigma / step))
+    return np.stack(out, axis=-1) if out else np.zeros((*flight.y.shape, 0))
