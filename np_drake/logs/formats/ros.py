@@ -92,6 +92,10 @@ class _Bag:
     topics: dict[str, _Topic] = dc.field(default_factory=dict)
     findings: list[Finding] = dc.field(default_factory=list)
 
+    def report(self, text: str, kind: Kind = Kind.DETAIL) -> None:
+        """Take a finding on the bag."""
+        self.findings.append(Finding(kind, str(self.path), text))
+
     def messages(self, topics: Iterable[str]) -> Iterator[tuple[str, Any, Any]]:
         """Yield topic, time of receipt [ns] and bytes of all messages, as they lie in the files; a
         damaged end becomes a finding.
@@ -105,8 +109,7 @@ class _Bag:
             except MemoryError as error:
                 raise LogError(f"{self.path}: {one_line(error)}") from error
             except Exception as error:  # whatever may be met in damaged bytes
-                text = f"reading ended before the end of the bag ({one_line(error)})"
-                self.findings.append(Finding(Kind.DETAIL, str(self.path), text))
+                self.report(f"reading ended before the end of the bag ({one_line(error)})")
 
 
 def _unpacked(kind: str, data: bytes) -> bytes:
@@ -230,12 +233,8 @@ def _add_file(
     adjacent = (path.with_name(path.name + end) for end in JOURNALS if start.startswith(SQLITE))
     if journals := [file for file in adjacent if file.is_file() and file.stat().st_size]:
         path = stack.enter_context(_completed(path, journals))
-        bag.findings += [
-            Finding(
-                Kind.DETAIL, str(bag.path), f"what its recorder left in {file.name} is read with it"
-            )
-            for file in journals
-        ]
+        for file in journals:
+            bag.report(f"what its recorder left in {file.name} is read with it")
     bag.ros1 = start.startswith(ROS1)
     kind = next((reader for magic, reader in readers.items() if start.startswith(magic)), None)
     if kind is None:
@@ -289,7 +288,7 @@ def _find_topics(bag: _Bag) -> None:
             store.get_msgdef(kind)
         except Exception as error:  # of the library, which does not know a part of it
             text = f"{connection.topic} is left out: the type {one_line(error)} is not defined"
-            bag.findings.append(Finding(Kind.LEFT_OUT, str(bag.path), text))
+            bag.report(text, Kind.LEFT_OUT)
             continue
         decode = store.deserialize_ros1 if bag.ros1 else store.deserialize_cdr
         topic = bag.topics.setdefault(connection.topic, _Topic(kind, decode))
@@ -297,7 +296,7 @@ def _find_topics(bag: _Bag) -> None:
             topic.connections.append(connection)
         else:
             text = f"{connection.topic}: its messages of type {kind} are left out"
-            bag.findings.append(Finding(Kind.LEFT_OUT, str(bag.path), text))
+            bag.report(text, Kind.LEFT_OUT)
 
 
 def _types_of(kind: str, definition: Any) -> dict[str, Any]:
@@ -424,7 +423,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     progress(1.0)
     facts = {"ros": "1" if bag.ros1 else "2"}
     facts |= {f"type of {name}": bag.topics[name].type for name in wanted}
-    damaged = [f"{n}: {r.damaged} messages are damaged" for n, r in rows.items() if r.damaged]
+    for name, topic_rows in rows.items():
+        if topic_rows.damaged:
+            bag.report(f"{name}: {topic_rows.damaged} messages are damaged")
     read = {name: r.in_order() for name, r in rows.items()}
     times, clocks = _times(
         {name: (received, stamps) for name, (received, stamps, _) in read.items()}
@@ -433,8 +434,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         name: Stream(times[name], dict(zip(wanted[name], numbers.T, strict=True)))
         for name, (_, _, numbers) in read.items()
     }
-    read_as = [Finding(Kind.DETAIL, str(path), text) for text in (*damaged, *clocks)]
-    return Recording(str(path), streams, facts, tuple(dict.fromkeys([*bag.findings, *read_as])))
+    for text in clocks:
+        bag.report(text)
+    return Recording(str(path), streams, facts, tuple(dict.fromkeys(bag.findings)))
 
 
 def _times(
