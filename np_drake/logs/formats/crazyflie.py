@@ -60,7 +60,7 @@ VARIABLE = re.compile(r"(.+)\((.)\)", re.DOTALL)
 BLOCKS = b"tick(I),"  # how the names of a log in blocks begin, behind their number
 TABLE = "log"  # stream of such a log
 QUATERNION = "stateEstimateZ.quat"
-PARTS = tuple(f"stateEstimateZ.q{axis}" for axis in "xyzw")
+PARTS = tuple(expanded("stateEstimateZ.q{x,y,z,w}"))
 LONGEST_PAUSE = 60.0  # between two records of a log that is whole [s]; own choice
 REMEDY = "copy it again from the card"
 # One type of event: its name, its variables, and the layout of a record: id, time and the variables

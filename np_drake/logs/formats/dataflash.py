@@ -35,6 +35,7 @@ from np_drake.logs.formats.format import (
     Scanned,
     StatedBreak,
     Stream,
+    expanded,
     first_source,
     no_progress,
     of_collective,
@@ -129,7 +130,7 @@ def motors(contents: Contents) -> Motors:
         Source(_escs(contents, outputs), "rpm"),
         _layout(parameters),
         findings=() if outputs == [1, 2, 3, 4] else (Finding(Kind.INPUT, "", moved),),
-        names=tuple(f"ArduPilot motor {n}" for n in (1, 2, 3, 4)),
+        names=tuple(expanded("ArduPilot motor {1,2,3,4}")),
     )
 
 

@@ -33,6 +33,7 @@ from np_drake.logs.formats.format import (
     Scanned,
     StatedBreak,
     Stream,
+    expanded,
     first_source,
     indexed,
     scanned,
@@ -51,7 +52,7 @@ PARAMETER = 22
 HEARTBEAT = 0
 TEXT = 253
 VIBRATION = 241
-VIBRATIONS = [f"vibration_{a}" for a in "xyz"] + [f"clipping_{i}" for i in range(3)]
+VIBRATIONS = [*expanded("vibration_{x,y,z}"), *expanded("clipping_{0,1,2}")]
 INTEGER = 6  # MAV_PARAM_TYPE_INT32, which PX4 writes into the bits of a float
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}  # MAV_AUTOPILOT
 CLOCKS = {"time_boot_ms": 1e-3, "time_usec": 1e-6}  # [s]
