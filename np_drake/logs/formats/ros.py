@@ -233,8 +233,8 @@ def _add_file(
     adjacent = (path.with_name(path.name + end) for end in JOURNALS if start.startswith(SQLITE))
     if journals := [file for file in adjacent if file.is_file() and file.stat().st_size]:
         path = stack.enter_context(_completed(path, journals))
-        for file in journals:
-            bag.report(f"what its recorder left in {file.name} is read with it")
+        for journal in journals:
+            bag.report(f"what its recorder left in {journal.name} is read with it")
     bag.ros1 = start.startswith(ROS1)
     kind = next((reader for magic, reader in readers.items() if start.startswith(magic)), None)
     if kind is None:
