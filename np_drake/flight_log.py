@@ -84,10 +84,10 @@ class FlightLog:
     commanded_rates: (n, 3) body rates that an autopilot was asked for [rad/s].
     balance: (n, 4) input of each rotor over that of all, their root mean square, of inputs that
         were logged too slowly to tell torque [1]; columns as those of `throttle`.
-    bridged: (n,) bool, rows that a reader put into gaps; None: none. input: what thrust and torque
-        come from: `command` (thrust and torque), `rotor_speed`,
-        `thrust_only` (torque is
-    NaN), `normalised` (throttle; thrust and torque by an estimated map).
+    bridged: (n,) bool, rows that a reader put into gaps; None: none.
+    input: what thrust and torque come from: `command` (thrust and torque), `rotor_speed`,
+        `thrust_only` (torque is NaN), `normalised` (throttle; thrust and torque by an estimated
+        map).
     timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held
         from its row.
     start: time of its recording's clock at t = 0; logs of clocks that agree are aligned by it [s].
@@ -97,9 +97,8 @@ class FlightLog:
         vehicle file.
     motors: names of these rotors in the log that was recorded; empty: not known.
     lacks: what was not logged and is integrated: `attitude`, `velocity`, `height` (position); keys
-        of
-    `library.REQUIREMENTS`. The specific force in B, R^T (a + g), is that of the accelerometer all
-    the same.
+        of `library.REQUIREMENTS`. The specific force in B, R^T (a + g), is that of the
+        accelerometer all the same.
     """
 
     t: np.ndarray

@@ -32,10 +32,8 @@ class BetaflightAutopilot(LeafSystem):
     | motors | 4 | motor outputs | 1 |
 
     State: motors (4). Event: periodic, every millisecond. The firmware's own state is in its
-    process, not in the
-    Context: one system flies one flight, forward in time. It is armed at hover by the
-        initialization event. An input
-    that is not finite raises RuntimeError.
+    process, not in the Context: one system flies one flight, forward in time. It is armed at hover
+    by the initialization event. An input that is not finite raises RuntimeError.
 
     Args:
         vehicle: that flies.

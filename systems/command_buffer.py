@@ -17,8 +17,7 @@ class CommandBuffer(LeafSystem):
 
     Reads at k period + offset and hands on what it read `periods` readings before, with
     dead_time = periods * period + offset: exact for a command that changes at multiples of `period`
-    only, else late
-    by up to one period. Before the start `resting` holds.
+    only, else late by up to one period. Before the start `resting` holds.
     Source: own choice; one event a period.
 
     .. pydrake_system::

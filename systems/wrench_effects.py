@@ -12,9 +12,8 @@ from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets, acting, require_complete, total_wrench
 from np_drake.vehicle import Vehicle
 
-# ports of forces from outside
-WRENCH = "external_wrench"
-PUSH = "payload_force"
+WRENCH = "external_wrench"  # port of a wrench from outside on the vehicle
+PUSH = "payload_force"  # port of a force from outside on the payload
 
 
 class WrenchEffects(LeafSystem):

@@ -13,8 +13,8 @@ class ClockOffset(SensorEffect):
     """Clock offset of the state: the columns p, q, v, w, a, al of row t are those of t + offset.
 
     Commands and rotor speed keep time. No reading at an instant can show it:
-    `np_drake.logs.clock.shift_state` applies
-    it to a log.   Source: own choice: motion capture and autopilot on separate clocks.
+    `np_drake.logs.clock.shift_state` applies it to a log.
+    Source: own choice: motion capture and autopilot on separate clocks.
     """
 
     offset: float = 0.02  # [s]

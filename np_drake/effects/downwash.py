@@ -32,10 +32,9 @@ class Downwash(WrenchEffect):
 
     Prior: a strength of one, the theory.
     Source: momentum theory; round turbulent jet (Pope, Turbulent Flows, 2000); that a quadrotor's
-        flow becomes one some
-    diameters below: Bauersfeld et al., Robotics Meets Fluid Dynamics, 2025. Own choices: the
-    neighbour is built as this vehicle and hovers; its jet follows at once; a flat plate of area S;
-    nothing above a rotor.
+        flow becomes one some diameters below: Bauersfeld et al., Robotics Meets Fluid Dynamics,
+        2025. Own choices: the neighbour is built as this vehicle and hovers; its jet follows at
+        once; a flat plate of area S; nothing above a rotor.
     """
 
     strength: float = 1.0  # [1]

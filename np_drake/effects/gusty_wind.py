@@ -14,8 +14,8 @@ class GustyWind(WrenchEffect):
     """Wind mean + gust(t) in W; every axis of the gust is a first-order Gauss-Markov process.
 
     Spectrum 2 deviation² T / (1 + w² T²), T = correlation_time; a sum of sinusoids with phases by
-    `seed`, so that
-    the wind can be evaluated at any t.   Source: own choice: Ornstein-Uhlenbeck, not Dryden.
+    `seed`, so that the wind can be evaluated at any t.
+    Source: own choice: Ornstein-Uhlenbeck, not Dryden.
     """
 
     mean_x: float = 2.0  # [m/s]

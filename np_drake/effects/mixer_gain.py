@@ -14,8 +14,8 @@ class MixerGain(WrenchEffect):
 
     Errors of the arms, of torque over thrust and of the inertia by a factor are not distinguishable
     from it: flight shows only their ratio. A fitted gain is not that ratio alone: rotor thrust that
-    trims aerodynamic moments outside
-    the library is an error in the regressor and pulls the gain towards zero (regression dilution).
+    trims aerodynamic moments outside the library is an error in the regressor and pulls the gain
+    towards zero (regression dilution).
     Source: own choice.
     """
 

@@ -64,9 +64,9 @@ def swing_many(
 
     With c the damping:  r'' = -g z - a_hook - c (r' + v_hook) - (T/m) r/|r|.
     Leapfrog: positions in the middle of steps, velocities between; the tether's pull along r is the
-        least that keeps
-    the next position within |r| <= L, so a slack payload flies freely and a tether that snaps taut
-    takes the outward speed. Second order in the step; without damping no drift of energy.
+    least that keeps the next position within |r| <= L, so a slack payload flies freely and a tether
+    that snaps taut takes the outward speed. Second order in the step; without damping no drift of
+    energy.
     Source: SHAKE, its quadratic solved in closed form; the drag of a step is that of the mean of
         its two velocities (implicit midpoint).
 

@@ -28,8 +28,8 @@ class SuspendedPayload(WrenchEffect):
     (it counts as weight), wind, drag of the tether, added mass.
 
     The effect has a hidden state, (r, r') of the payload from the hook in W, and so no momentary
-    wrench. Over a log the
-    measured motion of the hook drives it (`wrench_along`). In a diagram it is a body.
+    wrench. Over a log the measured motion of the hook drives it (`wrench_along`). In a diagram it
+    is a body.
     Source: Newton on the payload.
     """
 

@@ -23,13 +23,11 @@ from np_drake.mpc.sqp import SqpSolver, as_solution, expected_early_ends
 from np_drake.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)
-# solves in all, and those that may end without an answer
-_ROUNDS = 6
-_MISSES = 2
-# steps of SQP
-_WARM = range(2, 3)
-_COLD = range(8, 9)
-_PATIENT = range(30, 31)
+_ROUNDS = 6  # solves in all
+_MISSES = 2  # solves that may end without an answer
+_WARM = range(2, 3)  # steps of SQP from a warm start
+_COLD = range(8, 9)  # from a cold start
+_PATIENT = range(30, 31)  # where sets are active
 _CROWDED = 1 / 8  # share of rotor thrusts at their bounds
 _ACTIVE = -1e-3  # excess from which a soft set counts as active
 

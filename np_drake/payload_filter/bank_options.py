@@ -18,6 +18,7 @@ POWERS = {
 
 # options with a value a condition
 CONDITIONAL = "push", "push_time", "memory", "swing_noise", "duration"
+# options with a mean and a deviation
 PRIORS = ("mass", "damping", "thrust_error", "drag")
 
 

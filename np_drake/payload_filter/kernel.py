@@ -29,10 +29,9 @@ import numpy as np
 
 from np_drake.compiled import compiled
 
-# numbers of a point and of its error; first number that is no direction
-POINT = 16
-SIZE = 12
-FIRST = 8
+POINT = 16  # numbers of a point
+SIZE = 12  # numbers of its error
+FIRST = 8  # first number of a point that is a parameter
 TETHER = slice(0, 3)
 ACROSS = slice(3, 6)
 RATE = slice(6, 8)
@@ -245,8 +244,7 @@ def _keep_mass_positive(mean, error, covariance):
     """Move an error that makes the mass negative to the likeliest one that makes it zero.
 
     A negative mass on a swing of opposite phase pulls to the side as a payload does. The
-    differences may try one: a
-    bound inside them would bias a mass of zero upwards.
+    differences may try one: a bound inside them would bias a mass of zero upwards.
     Source: Simon 2010 (Kalman filter with state constraints).
     """
     index = MASS - POINT + SIZE

@@ -30,9 +30,8 @@ SETTLED = 5.0  # after which the pull serves to find the hook [s]; source: own c
 # prior deviation from Bo of the hook, and of the point where drag acts [m]; stated prior
 HOOK = 0.1
 COLUMNS = 14  # of the torque [1]
-# least deviations: from flight to flight [1, 1/s]; stated priors
-THRUST_CHANGE = 0.01
-DRAG_CHANGE = 0.02
+THRUST_CHANGE = 0.01  # least deviation of the thrust error between flights [1]; stated prior
+DRAG_CHANGE = 0.02  # least deviation of the drag between flights [1/s]; stated prior
 Flights = Sequence[tuple[FlightLog, Vehicle]]
 
 

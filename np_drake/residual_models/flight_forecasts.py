@@ -9,9 +9,8 @@ from np_drake.residual_model import Memory, Plan, ReadsPlan, ResidualModel
 from np_drake.rigid_body import P, V, W
 from np_drake.training_data.segments import SampledFlight
 
-# coming motion
-KNOWN = "known"
-CONSTANT = "held"
+KNOWN = "known"  # the coming motion as flown
+CONSTANT = "held"  # the motion of now, held
 MOTIONS = (KNOWN, CONSTANT)
 
 

@@ -68,8 +68,7 @@ class DisturbanceObserver:
     v_hat; both poles of the error at p = exp(-2 pi bandwidth h), so l1 = 1 - p², l2 = (1 - p)². The
     input u goes through the rotors' lag first, as the vehicle file has it.
     Source: own choice; the standard form of offset-free MPC with pole placement, with the best of
-        seven
-    pairs of bandwidths.
+        seven pairs of bandwidths.
 
     Args:
         step: time between samples [s].

@@ -197,9 +197,8 @@ class WrenchNetwork:
         return cls(Perceptron.taken_from(tensors), tensors["scale"], tensors["unit"])
 
 
-# names
-GP = "gp"
-KNODE = "knode"
+GP = "gp"  # Gaussian process
+KNODE = "knode"  # knowledge-based neural ordinary differential equation
 REACTIONS: dict[str, type[GaussianProcess] | type[WrenchNetwork]] = {
     GP: GaussianProcess,
     KNODE: WrenchNetwork,

@@ -92,8 +92,7 @@ class TrueModel:
         under u and chi.
 
         With F and tau at Bo, c = p_BoBcm_B and J about Bcm of the real vehicle: J al + w x J w =
-        tau - c x R^T F and
-        m (a + g z + R (al x c + w x (w x c))) = F.
+        tau - c x R^T F and m (a + g z + R (al x c + w x (w x c))) = F.
         Source: Newton and Euler about the centre of mass.
         """
         real = mass_properties(self.believed, changed)

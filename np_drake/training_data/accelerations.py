@@ -21,8 +21,8 @@ def with_accelerations(log: FlightLog) -> FlightLog:
 
     a_k = zero-phase low-pass of (v_(k+1) - v_k) / (t_(k+1) - t_k): over this interval row k's
     command acts, so the pairing of rows stays (a central difference would mix two commands). It
-    uses the future: results
-    one step ahead from such a log are not causal.  Source: own choice.
+    uses the future: results one step ahead from such a log are not causal.
+    Source: own choice.
     """
     new = [name for name in ("a", "al") if getattr(log, name) is None]
     if not new:

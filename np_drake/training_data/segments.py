@@ -62,8 +62,8 @@ class Segment:
 
     chi: (n, 6) labels as the encoder will see them in flight [N, N·m].   zeta: (n, 6) [m/s, rad/s].
     target: (n, 6) what is to be predicted, where that is better known afterwards (a zero-phase
-        smoothed
-    label): the lifted linear system then learns to undo delay and noise of the label. Default: chi.
+        smoothed label): the lifted linear system then learns to undo delay and noise of the label.
+        Default: chi.
     """
 
     chi: np.ndarray

@@ -26,11 +26,12 @@ from scipy.linalg import blas, lapack
 
 from np_drake.checks import require
 
-# The limit lies this far inside, because two builds of LAPACK differ in the last bits. The pull's
-# rounding moves an eigenvalue by at most K eps cond(V)^2 (Bauer-Fike), which is less while the
-# condition is below the first number; up to the second the eigenvalues are counted once more.
+# The limit lies this far inside, because two builds of LAPACK differ in the last bits.
 _MARGIN = 1.0 - 1e-9
+# Condition of the eigenvectors below which the pull's rounding is less than that margin: it moves
+# an eigenvalue by at most K eps cond(V)^2 (Bauer-Fike).
 _CERTAIN = 400.0
+# Condition up to which the eigenvalues after a pull are verified; beyond, all of A is scaled.
 _ILL = 1e8
 RADIUS = 0.9999  # largest |eigenvalue| of an A that is fitted to a window [1]
 

@@ -74,8 +74,8 @@ Predictor = LiftedModel | LpvModel  # of any configuration
 
 
 # What a header may hold, own choice: beyond it a file is damaged.
-LONGEST = 10_000
-LARGEST_RIDGE = 1e12
+LONGEST = 10_000  # samples of a refit
+LARGEST_RIDGE = 1e12  # [samples of unit size]
 
 
 SCHEMA = "np_drake.lifted_model/3"  # format of the file and its version

@@ -27,29 +27,29 @@ from np_drake.vehicle.scaling import PERIOD, ratios
 NEURAL_LPV = "neural-lpv"
 LPV_SCHEMA = "np_drake.lpv_model/1"  # format of the file and its version
 TAPS = Taps.averaging(100, 8, 12)  # what the encoders see of a window
-# means of so many samples, of which the statistics are made [1]
-BLOCKS = 10
-BLOCK = 8
+BLOCKS = 10  # means of which the statistics are made [1]
+BLOCK = 8  # samples of each [1]
 DECAYS = np.exp(-1.0 / np.array([75.0, 300.0]))  # of the statistics over a sample [1]
 NEW = 400.0  # samples during which a flight counts as new [1]
 ARM = 0.1  # unit of a torque over that of a force, of the paper's vehicle [m]
 LEAST = 1e-3  # added to mean squares before their logarithm [1]
-# Force, velocity, body rate and torque of each plane: columns of [chi, zeta], and signs
+# Force, velocity, body rate and torque of each plane: columns of [chi, zeta]
 CHANNELS = np.array([0, 6, 10, 4, 1, 7, 9, 3])
+# of these columns
 SIGNS = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
 VERTICAL = [2, 8]  # force and velocity of heave
-# of a plane; heave has as many decays
-OSCILLATORS = 2
-DECAYING = 3
+OSCILLATORS = 2  # of a plane
+DECAYING = 3  # decays of a plane, and of heave
 PLANE = 2 * OSCILLATORS + DECAYING  # states of a plane
 LEVEL = 2 * PLANE + DECAYING  # first state that is a level of the torque
 VELOCITY = LEVEL + 2  # first state that is the last velocity
 K = VELOCITY + 3
-# What the network writes: logarithms of rates [1/step] within bounds, from slower than a flight to
-# a step or two (own choice), inputs of each state, drag in the planes and in heave
-RATES = 2 * OSCILLATORS + 2 * DECAYING
+RATES = 2 * OSCILLATORS + 2 * DECAYING  # rates that the network writes, as logarithms
+# Bounds of these logarithms, of rates in 1/step: from slower than a flight to a step or two; own
+# choice
 LOWEST = np.log(5e-5)
 HIGHEST = np.log(0.6)
+# What the network writes: rates, inputs of each state, drag in the planes and in heave
 PARAMETERS = RATES + PLANE + DECAYING + 2
 ARRAYS = ("experts", "lifts", "level", "torque", "probes", "glances")  # that are learned
 MOST = 20.0  # largest logarithm of a gate [1]

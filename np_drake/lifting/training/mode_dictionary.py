@@ -37,8 +37,7 @@ class Moments:
 
     The last of the p features is the constant 1.
     power: (H, 2) squared error of the better naive row: mean squared change of force and of torque
-        over the horizon, or
-    their variance where that is less.
+        over the horizon, or their variance where that is less.
     """
 
     gram: np.ndarray  # (p, p) of the features

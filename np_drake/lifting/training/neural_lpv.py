@@ -37,29 +37,25 @@ from np_drake.lifting.training.excitation import excitation
 from np_drake.trained_model import Perceptron
 from np_drake.training_data.segments import Segment, check_segments
 
-# samples between forecasts, and how many there are ahead, as of the MPC
-STRIDE = 2
-STEPS = 20
+STRIDE = 2  # samples between two forecasts, as of the MPC
+STEPS = 20  # forecasts ahead, as of the MPC
 HORIZON = STRIDE * STEPS  # [samples]
-# first origin of a flight, and samples between two
-EARLIEST = 5
-SPACING = 2
+EARLIEST = 5  # first origin of a flight [samples]
+SPACING = 2  # between two origins [samples]
 AVERAGED = 5  # labels that are averaged in what a forecast is compared with
-# Of force in the planes, in heave, of torque: least usual error [m/s²], weight, and which have a
-# usual error of their own in each flight. In heave that would be of the jumps, and hide them.
-FINE = torch.tensor([0.03, 0.1, 0.04])
-WEIGHT = torch.tensor([1.0, 0.1, 0.5])
+# Of force in the planes, in heave, and of torque, here and in the next two
+FINE = torch.tensor([0.03, 0.1, 0.04])  # least usual error [m/s²]
+WEIGHT = torch.tensor([1.0, 0.1, 0.5])  # in the loss [1]
+# Which have a usual error in each flight; in heave that would be of the jumps, and hide them.
 PER_FLIGHT = torch.tensor([1.0, 0.0, 1.0])
 TUNING = 3e-3  # rate of a step on another vehicle's flights, over the size of a parameter [1]
 KEPT = 0.95  # of a flight's usual square error, at a new one [1]
 ROBUST = 2.0  # error over the usual one beyond which it counts linearly [1]
-# At the start, of oscillators and decays [1/step]
-TURNS = (0.07, 0.12)
-DAMPINGS = (6e-3,) * OSCILLATORS
-RATE = (2e-3, 0.04, 0.2)
-# of an output of the network
-INPUT = 0.06
-DRAG = 0.3
+TURNS = (0.07, 0.12)  # of the oscillators, at the start [1/step]
+DAMPINGS = (6e-3,) * OSCILLATORS  # of the oscillators, at the start [1/step]
+RATE = (2e-3, 0.04, 0.2)  # of the decays, at the start [1/step]
+INPUT = 0.06  # unit of the network's inputs of the states [1]
+DRAG = 0.3  # unit of its drags [1]
 WEAK = 1e-4  # power of a direction that counts as none, over the strongest [1]
 REPORTS = 20  # of the loss in a training
 SHORTEST = 20  # gradient steps of which the rate has a course
