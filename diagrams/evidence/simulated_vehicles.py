@@ -5,7 +5,7 @@ identified, beside the truth and the prior.
 import dataclasses as dc
 import time
 from collections.abc import Sequence
-from functools import partial
+from functools import partial, reduce
 from typing import Annotated, Any
 
 import numpy as np
@@ -85,37 +85,26 @@ class Truth:
     known: Vehicle
     cells: float = 1.0
 
-    def quantities(self, volts: float = 0.0) -> dict[str, float]:
-        """Return the true values by the names of `np_drake.identification.quantities`.
+    def value_of(self, quantity: Quantity, volts: float = 0.0) -> float | None:
+        """Return the true value of a quantity; None where it stands for none of the vehicle's.
 
         Args:
             volts: voltage to which full throttle refers [V]; 0: that of the vehicle.
         """
         v = self.vehicle
-        c = v.calibration
-        values = {
+        composed = {
+            "logged thrust, true over logged": 1.0,
             "torque over thrust": v.torque_coefficient / v.thrust_coefficient,
-            "inertia of a rotor": c.rotor_inertia,
+            "time constant down": v.rotor_time_constant,
+            "thrust at full throttle": float(self.throttle.thrust(1.0, volts or None)),
             "drag, lateral": self.drag.d_x / v.mass,
             "drag, vertical": self.drag.d_z / v.mass,
             "lift of lateral speed": self.lift.lift / v.mass,
-            **{f"inertia {'xyz'[i]}{'xyz'[j]}": v.J[i, j] for i in range(3) for j in range(i, 3)},
-            **{f"centre of mass {a}": c.center_of_mass[i] for i, a in enumerate("xyz")},
-            **{f"gain of rotor {i + 1}": gain for i, gain in enumerate(c.rotor_gains)},
-            **{f"IMU {a}": float(self.imu[i]) for i, a in enumerate("xyz")},
-            **{f"IMU tilt {a}": c.imu_tilt[i] for i, a in enumerate("xyz")},
         }
-        if self.input == "rotor_speed":
-            return values | {"thrust coefficient": v.thrust_coefficient, "clock of the state": 0.0}
-        values |= dict.fromkeys(("time constant up", "time constant down"), v.rotor_time_constant)
-        values["transport delay"] = c.command_delay
-        if self.input == "command":
-            return values | {"logged thrust, true over logged": 1.0}
-        return values | {
-            "thrust at full throttle": float(self.throttle.thrust(1.0, volts or None)),
-            "linear share of throttle": self.throttle.linear,
-            "power of the voltage": self.throttle.voltage_exponent,
-        }
+        if quantity.name in composed or not quantity.field:
+            return composed.get(quantity.name)
+        value = reduce(getattr, quantity.field.split("."), v)
+        return float(np.array(value)[quantity.index])
 
 
 def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
@@ -280,13 +269,16 @@ def identified(case: Case, *, flights: int, seconds: float) -> Line:
     identification = identify(logs, truth.known, mass=truth.vehicle.mass)
     quantities = identification.quantities
     spent = time.process_time() - start
-    true = truth.quantities(identification.basis.frame.volts)
+    volts = identification.basis.frame.volts
+    true = [truth.value_of(q.quantity, volts) for q in quantities]
     return {
         "mass": truth.vehicle.mass,
         "refused": refused,
         "processor_time": spent,
         "quantities": [
-            _against_truth(q, true[q.name], truth) for q in quantities if q.name in true
+            _against_truth(q, value, truth)
+            for q, value in zip(quantities, true, strict=True)
+            if value is not None
         ],
     }
 

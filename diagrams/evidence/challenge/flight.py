@@ -207,15 +207,18 @@ def fly(
     worlds = {split: simulation.world(vehicle, [*background, *effects])}
     if split:
         worlds[0] = simulation.world(vehicle, background)
-    reads = rows[:-1] if interpolates else rows[:-1] + offset
+    reads = rows[:-1] if interpolates else rows[len(before) : -1] + offset
     commands, states = _fly_rows(vehicle, worlds, plan, rows, reads, simulation.noise)
-    n = len(states)
-    reading = Measurement(states[:, :13], states[:, 13:16], states[:, 16:], commands[:n, 4:])
+    first = 0 if interpolates else len(before)
+    read = slice(first, first + len(states))
+    reading = Measurement(states[:, :13], states[:, 13:16], states[:, 16:], commands[read, 4:])
     # Every error acts on the true attitude, so that of the attitude comes last.
     for sensor in sorted(sensors, key=lambda sensor: "qw" in sensor.corrupts):
-        reading = sensor.measure(vehicle, reading, np.zeros((n, sensor.white_size)))
+        reading = sensor.measure(vehicle, reading, np.zeros((len(states), sensor.white_size)))
     p, q, v, w = np.split(reading.x, [3, 7, 10], axis=1)
-    log = FlightLog(rows[:n], p, q, v, w, commands[:n, :4], reading.a, reading.al, reading.rotor)
+    log = FlightLog(
+        rows[read], p, q, v, w, commands[read, :4], reading.a, reading.al, reading.rotor
+    )
     if interpolates and offset:
         log = shift_state(log, offset)
     first = int(np.searchsorted(log.t, t[0] - 1e-9))

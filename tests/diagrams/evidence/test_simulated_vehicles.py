@@ -7,6 +7,7 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.evidence.simulated_vehicles import draw_truth, pooled_lines, quantity_lines
+from np_drake.identification.quantities import QUANTITIES
 
 
 def test_every_quantity_stands_beside_the_truth_and_the_prior(tmp_path):
@@ -16,6 +17,7 @@ def test_every_quantity_stands_beside_the_truth_and_the_prior(tmp_path):
     (record,) = json.loads(written.read_text())["runs"]
     assert record["case"] == {"seed": 7, "kind": "rotor_speed"}
     quantities = {q["name"]: q for q in record["result"]["quantities"]}
+    assert not {"transport delay", "thrust at full throttle"} & {*quantities}
     inertia = quantities["inertia xx"]
     assert inertia["told"]
     assert inertia["within"] == (inertia["ci95"][0] <= inertia["true"] <= inertia["ci95"][1])
@@ -23,14 +25,14 @@ def test_every_quantity_stands_beside_the_truth_and_the_prior(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["rotor_speed", "throttle", "command"])
-def test_a_truth_has_the_quantities_of_its_input(kind):
+def test_a_truth_has_the_quantities_of_its_vehicle(kind):
     truth = draw_truth(np.random.default_rng(5), kind)
-    told, v = truth.quantities(), truth.vehicle
-    assert told["inertia xy"] == v.J[0, 1]
-    assert told["centre of mass y"] == v.calibration.center_of_mass[1]
-    assert told["drag, lateral"] == truth.drag.d_x / v.mass
-    assert ("transport delay" in told) == (kind != "rotor_speed")
-    assert ("thrust at full throttle" in told) == (kind == "throttle")
+    true, v = {q.name: truth.value_of(q) for q in QUANTITIES}, truth.vehicle
+    assert true["inertia xy"] == v.J[0, 1]
+    assert true["centre of mass y"] == v.calibration.center_of_mass[1]
+    assert true["drag, lateral"] == truth.drag.d_x / v.mass
+    assert true["transport delay"] == v.calibration.command_delay
+    assert true["idle speed over full speed"] is None
     assert truth.known.mass == v.mass
     assert truth.known.calibration.rotor_gains == [1.0] * 4
 
