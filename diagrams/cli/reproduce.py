@@ -147,8 +147,7 @@ def bench(
             "several threads."
         )
     from diagrams.evidence.studies import bench as measure
-    from diagrams.evidence.studies.sweep import Row, train_row
-    from diagrams.evidence.studies.tracking import DITHERED
+    from diagrams.evidence.studies.sweep import DITHERED, Row, train_row
 
     with progress("training, recording problems", 1.0) as advance:
         paper = run.folder / "paper.safetensors"

@@ -24,7 +24,7 @@ from np_drake.logs.formats.neurobem import read_training, read_wrenches, table_f
 from np_drake.residual_models.flight_forecasts import CONSTANT, flight_forecasts
 from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
 from np_drake.skill.skill import naive_predictions
-from np_drake.training_data.segments import Segment, of_wrenches
+from np_drake.training_data.segments import Segment, WrenchSequence, of_wrenches
 
 CHANNELS = {  # of chi, in each column
     "F_x": [0],
@@ -68,10 +68,12 @@ def flights(folder: Path) -> tuple[Segment, dict[str, Segment]]:
 
     Raises: OSError, LogError: where none is there or one cannot be read.
     """
-    tests = {name: read_wrenches(path) for name, path in table_files(folder).items()}
-    segments = {name: Segment(s.chi, s.zeta, s.step) for name, s in tests.items()}
-    training = read_training(folder)
-    return Segment(training.chi, training.zeta, training.step), segments
+
+    def segment(sequence: WrenchSequence) -> Segment:
+        return Segment(sequence.chi, sequence.zeta, sequence.step)
+
+    tests = {name: segment(read_wrenches(path)) for name, path in table_files(folder).items()}
+    return segment(read_training(folder)), tests
 
 
 def configs(seed: int) -> dict[str, Config]:

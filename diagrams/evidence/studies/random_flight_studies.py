@@ -24,6 +24,7 @@ from diagrams.evidence.studies.options import (
     tabulate,
 )
 from diagrams.evidence.studies.sweep import (
+    DITHERED,
     FlownRun,
     Row,
     choose_rows,
@@ -103,7 +104,7 @@ def _report(
         "solver": run.solver,
         "seed": run.seed,
         "envelope": dc.asdict(envelope),
-        "training": settings_of(training_config(tracking.DITHERED, solver=run.solver)),
+        "training": settings_of(training_config(DITHERED, solver=run.solver)),
     }
     scenarios = [{"draw": draw, "seed": run.seed + 1} for draw in range(run.count)]
     work = partial(flown, envelope=envelope, solver=run.solver)

@@ -29,6 +29,7 @@ from diagrams.evidence.studies.options import (
     tabulate,
 )
 from diagrams.evidence.studies.sweep import (
+    DITHERED,
     FlownRun,
     Row,
     choose_rows,
@@ -38,7 +39,7 @@ from diagrams.evidence.studies.sweep import (
     named,
     tidy,
 )
-from diagrams.evidence.studies.tracking import DITHERED, ERRORS
+from diagrams.evidence.studies.tracking import ERRORS
 from diagrams.evidence.studies.tracking import ROWS as TRACKING_ROWS
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig

@@ -28,6 +28,9 @@ from np_drake.metrics import half_width
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.vehicle import Vehicle, load_vehicle
 
+# experiments that are trained on
+PLAIN = "plain_circle"
+DITHERED = "training_circle"
 Key = tuple[str, str]  # training experiment and configuration
 Models = dict[Key, bytes]  # content of the model files
 
@@ -214,7 +217,9 @@ def fly_rows(
         **config,
         "solver": run.solver,
         "training_seed": run.seed,
-        "trainings": {name: settings_of(training_config(name, **run.world)) for name, _ in keys},
+        "trainings": {
+            name: settings_of(training_config(name, **run.world)) for name in (PLAIN, DITHERED)
+        },
     }
     # whose bank `payload_filter` takes
     prior = {"prior": digest_of(FILTER_MODEL.read_bytes())}

@@ -25,6 +25,8 @@ from diagrams.evidence.studies.options import (
     tabulate,
 )
 from diagrams.evidence.studies.sweep import (
+    DITHERED,
+    PLAIN,
     Comparison,
     FlownRun,
     Row,
@@ -47,9 +49,6 @@ from np_drake.residual_models.motion_model import GP, KNODE
 from np_drake.residual_models.predictor_training import CONFIGURATIONS
 
 TRACKS = ("circle", "lemniscate")  # experiments that are flown
-# experiments that are trained on
-PLAIN = "plain_circle"
-DITHERED = "training_circle"
 # The paper's Table II: (E_xy, E_z) [m], real flights. Source: Jin et al. 2025.
 PAPER = {
     "nominal": {"circle": (0.1797, 0.2329), "lemniscate": (0.2029, 0.2539)},
@@ -230,8 +229,7 @@ NP = named(ROWS, "np")
 FILTER = named(ROWS, "payload_filter")
 AS_IN_THE_PAPER = named(ROWS, "np: paper")
 HOVER_ROWS = (
-    *(named(ROWS, name) for name in ("nominal", "hold")),
-    *(named(ROWS, name) for name in ("gp", "knode")),
+    *(named(ROWS, name) for name in ("nominal", "hold", "gp", "knode")),
     AS_IN_THE_PAPER,
     NP,
     # The weight on the body rates keeps tilting as slow as the swing; without it motor lag makes
