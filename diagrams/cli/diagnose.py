@@ -387,12 +387,11 @@ def _what_they_tell(report: LogReport) -> list[Table]:
         clear = [a for a in answers if a.verdict == YES]
         row = (name, _sizes(answers, bool(clear)), number(first.typical, 2))
         if clear:
-            observable.append((*row, clear[0].reason.split(":")[0]))
+            observable.append((*row, clear[0].note))
         elif first.verdict == NEVER:
             never.append((name, f"{first.reason}; {first.todo}"))
         else:
-            alike = first.reason.startswith("it cannot")
-            why = f"like {first.beside[0]}" if alike else "no clear trace"
+            why = f"like {first.beside[0]}" if first.is_alike else "no clear trace"
             missed.append((*row, why, first.todo))
     header = ["effect", "from this size", "usual"]
     result: list[Table] = [

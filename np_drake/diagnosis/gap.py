@@ -197,9 +197,7 @@ def assess_identifiability(
         )
     hidden = hidden_from(train)
     for quantity in sorted({quantity for flight in train for quantity in flight.log.lacks}):
-        names = ", ".join(
-            name for name, reason in hidden.items() if reason == REQUIREMENTS[quantity]
-        )
+        names = ", ".join(name for name, lacking in hidden.items() if lacking == quantity)
         warnings += [f"{REQUIREMENTS[quantity]}: {names} cannot be told."] if names else []
     for flight in [*train, *held_out]:
         if flight.log.a is None:

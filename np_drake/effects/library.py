@@ -78,7 +78,8 @@ _MISSING = {
 def unobservable(
     log_input: str, *, accelerations: bool = True, torque: bool = True, lacks: Collection[str] = ()
 ) -> dict[str, str]:
-    """Return the effects that a kind of log cannot tell, with the reason.
+    """Return the effects that a kind of log cannot tell, with the key of what it lacks in
+    `REQUIREMENTS`.
 
     Args:
         log_input: as `FlightLog.input`.
@@ -92,7 +93,7 @@ def unobservable(
         *lacks,
     ]
     return {
-        identifier: REQUIREMENTS[quantity]
+        identifier: quantity
         for quantity in absent
         for identifier, effect in effects_for(log_input).items()
         if quantity in _required(effect)

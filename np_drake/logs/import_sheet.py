@@ -18,8 +18,8 @@ from np_drake.vehicle.rotor_layout import RotorLayout
 
 SUFFIX = ".import.yaml"
 HEAD = (
-    "# Sheet beside a flight log, as of np-drake import. `timing`, `start`, `rotors`, `motors` and "
-    "`said` are read with the log; the rest is for people.\n"
+    "# Sheet beside a flight log, as of np-drake import. `timing`, `start`, `rotors`, `motors`, "
+    "`said` and `kinds` are read with the log; the rest is for people.\n"
 )
 
 

@@ -47,14 +47,13 @@ from np_drake.diagnosis.residuals import (
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.selection.map_model import noise_of
 from np_drake.diagnosis.selection.payload_search import payload_about, payload_of
-from np_drake.effects.base import Parameter, correlation_root, usual_size
+from np_drake.effects.base import Effect, Parameter, correlation_root, usual_size
 from np_drake.effects.gusty_wind import GustyWind
-from np_drake.effects.library import LIBRARY, effect_of, effects_for
+from np_drake.effects.library import LIBRARY, REQUIREMENTS, effect_of, effects_for
 from np_drake.files.file_access import plain
 from np_drake.files.number_text import number
 from np_drake.finding import Finding, Kind, Place, joined, shown_at
 from np_drake.flight_log import FlightLog
-from np_drake.logs.columns import LOOKS
 from np_drake.logs.inputs import with_hover_thrust
 from np_drake.vehicle import Vehicle
 
@@ -200,7 +199,7 @@ def _drag(trace: Trace, mean: np.ndarray, variance: np.ndarray) -> float | None:
 DEVIATIONS = 3.0  # 99.7 %
 # factor by which another effect must widen the smallest size to be named [1]; own choice
 RESEMBLES = 2.0
-MOST_BESIDE = 3  # effects that are named and modelled beside one [1]; own choice
+MOST_RIVALS = 3  # effects that are named and modelled beside one [1]; own choice
 # share of a trace outside another's, below which it is a case of that [1]; own choice
 NESTED = 1e-3
 SINGULAR = 1e-9  # share of the largest information below which there is none [1]
@@ -208,14 +207,14 @@ SINGULAR = 1e-9  # share of the largest information below which there is none [1
 
 @dc.dataclass(frozen=True)
 class Smallest:
-    """Smallest sizes (k,) of the parameters of an effect, in their units: alone, and beside those
-    it resembles.
+    """Smallest sizes (k,) of the parameters of an effect, in their units: alone, and
+    `adjacent` to those it resembles.
     """
 
     identifier: str
     parameters: tuple[str, ...]
     alone: np.ndarray
-    beside: np.ndarray
+    adjacent: np.ndarray
     resembles: tuple[str, ...]
 
 
@@ -240,14 +239,14 @@ class Information:
         spans = pairwise(np.cumsum([0] + [t.width for t in traces]).tolist())
         self._at = {id(t): np.arange(*span) for t, span in zip(self.traces, spans, strict=True)}
 
-    def deviations(self, trace: Trace, beside: Sequence[Trace] = ()) -> np.ndarray:
-        """Return the deviation (k,) of a trace's coefficients over their usual size, beside others
+    def deviations(self, trace: Trace, rivals: Sequence[Trace] = ()) -> np.ndarray:
+        """Return the deviation (k,) of a trace's coefficients over their usual size, beside rivals
         with their prior.
 
         Further columns of the trace itself have that prior too.
         """
         asked, further = np.split(self._at[id(trace)], [len(trace.parameters)])
-        index = np.concatenate([further, *(self._at[id(t)] for t in beside), asked])
+        index = np.concatenate([further, *(self._at[id(t)] for t in rivals), asked])
         own = Gram(self._gram.XX[np.ix_(index, index)], self._gram.Xy[index])
         scale = np.sqrt(np.maximum(self._gram.XX[asked, asked], 1e-12))
         unit = own.given(len(index) - len(asked)).XX / np.outer(scale, scale)
@@ -284,28 +283,28 @@ def smallest_sizes(information: Information) -> list[Smallest]:
             if other is not main and not information.inside(main, other):
                 ratio = float(np.max(_sizes(information, [main], [other]) / near))
                 wider += [(ratio, other)] if ratio > RESEMBLES else []
-        most = [t for _, t in sorted(wider, key=lambda pair: -pair[0])[:MOST_BESIDE]]
-        beside = np.maximum(alone, _sizes(information, variants, most))
+        most = [t for _, t in sorted(wider, key=lambda pair: -pair[0])[:MOST_RIVALS]]
+        adjacent = np.maximum(alone, _sizes(information, variants, most))
         names = tuple(p.name for p in main.parameters)
         found.append(
-            Smallest(main.identifier, names, alone, beside, tuple(t.identifier for t in most))
+            Smallest(main.identifier, names, alone, adjacent, tuple(t.identifier for t in most))
         )
     return found
 
 
 def _sizes(
-    information: Information, variants: Sequence[Trace], beside: Sequence[Trace]
+    information: Information, variants: Sequence[Trace], rivals: Sequence[Trace]
 ) -> np.ndarray:
     """Return the smallest size (k,) of each parameter."""
     linear = [t for t in variants if t.size is None]
     if linear:
-        sizes = [information.deviations(t, beside) * np.array(t.typical) for t in linear]
+        sizes = [information.deviations(t, rivals) * np.array(t.typical) for t in linear]
         return np.max(DEVIATIONS * np.array(sizes), axis=0)
     largest = 0.0
     for sign in (1, -1):
         at = {sign * t.size: t for t in variants if t.size is not None and sign * t.size > 0}
         if at:
-            deviations = [information.deviations(at[size], beside)[0] for size in sorted(at)]
+            deviations = [information.deviations(at[size], rivals)[0] for size in sorted(at)]
             told = 1 / np.maximum(deviations, 1e-12)
             largest = max(largest, _crossing(np.array(sorted(at)), told))
     return np.array([largest])
@@ -360,6 +359,7 @@ class Answer:
     verdict: `yes` (smallest is at most typical), `no`, or `never` (a log of this kind has no trace
         of it).
     todo: what to log or fly instead; empty for `yes`.
+    note: through which drag a wind is told, in a few words.
     """
 
     identifier: str
@@ -368,10 +368,16 @@ class Answer:
     smallest: float
     alone: float
     typical: float
-    verdict: str
+    verdict: str = YES
     reason: str = ""
     todo: str = ""
     beside: tuple[str, ...] = ()
+    note: str = ""
+
+    @property
+    def is_alike(self) -> bool:
+        """Whether the size would be told but for the effects that it resembles."""
+        return self.verdict != NEVER and not self.alone > self.typical
 
 
 @dc.dataclass(frozen=True)
@@ -405,11 +411,14 @@ MOST_GAPS = 0.1  # share of rows put into gaps from which a log is limited [1]; 
 # share of rows with a rotor at a limit from which a log is limited [1]; own choice
 MOST_SATURATED = 0.05
 FAR = 100.0  # usual sizes beyond which a smallest size is infinite [1]
-INSTEAD = {  # words of a reason of `unobservable`: what to log instead
-    "measured rotor speed": "log the commanded thrust and torque as well",
-    "up to a scale": "log rotor speed, with a thrust coefficient from a stand",
-    "no torque": "log the torque command, rotor speed, or every motor's throttle",
-    **{f"no {what}": f"log the {what}" for what, _ in LOOKS.values()},
+INSTEAD = {  # what to log where a log does not tell a key of `library.REQUIREMENTS`
+    "commands": "log the commanded thrust and torque as well",
+    "thrust": "log rotor speed, with a thrust coefficient from a stand",
+    "torque": "log the torque command, rotor speed, or every motor's throttle",
+    "accelerations": "log the acceleration",
+    "height": "log the position",
+    "velocity": "log the velocity",
+    "attitude": "log the attitude",
 }
 
 
@@ -534,56 +543,76 @@ def _require(logs: Sequence[FlightLog]) -> None:
 
 
 def answers(
-    found: Sequence[Smallest], gust: float, drag: float | None, flights: Sequence[FlightResiduals]
+    sizes: Sequence[Smallest], gust: float, drag: float | None, flights: Sequence[FlightResiduals]
 ) -> tuple[Answer, ...]:
-    """Return an answer for each parameter of each effect: told, not told, never told, in the order
-    of the library.
+    """Return an answer for each parameter of each effect, in the order of the library.
 
-    found: smallest sizes; those of the wind are for the usual drag of such a vehicle.
+    sizes: smallest sizes; those of the wind are for the usual drag of such a vehicle.
     gust: least deviation of the force of gusts [N]. drag: that of the vehicle, where it is known
     [N·s/m]: winds act through it.
     """
     hidden = hidden_from(flights)
-    sizes = {s.identifier: s for s in found}
+    by_effect = {size.identifier: size for size in sizes}
     vehicle = flights[0].vehicle
     usual_drag = usual_size(LIBRARY[DRAG].parameters[0], vehicle)
-    through = "with their drag" if drag else "with usual drag: these flights tell none"
     out: list[Answer] = []
     for name, effect in effects_for(flights[0].log.input).items():
-        parameters = {p.name: p for p in effect.parameters}
-        fly = manoeuvre((name,))
-        p = next(p for p in effect.parameters if not p.choices)
         if name in hidden:
-            reason = hidden[name]
-            todo = next((what for words, what in INSTEAD.items() if words in reason), fly)
-            never = (math.inf, math.inf, usual_size(p, vehicle), NEVER, reason, todo)
-            out.append(Answer(name, p.name, p.unit, *never))
+            out.append(_never(effect, hidden[name], vehicle))
         elif name == GustyWind.identifier:
-            p = parameters["deviation"]
+            p = next(p for p in effect.parameters if p.name == "deviation")
             size = gust / (drag or usual_drag)
-            told = (YES, through, "") if size <= p.typical else (NO, through, fly)
-            out.append(Answer(name, p.name, p.unit, size, size, p.typical, *told))
-        elif name in sizes:
-            s = sizes[name]
-            scale = usual_drag / drag if name == WIND and drag else 1.0
-            for own, alone, beside in zip(s.parameters, s.alone, s.beside, strict=True):
-                p = parameters[own]
-                verdict = YES
-                reason = ""
-                todo = ""
-                alone = float(alone * scale)
-                beside = float(beside * scale)
-                usual = p.typical if name == WIND else usual_size(p, vehicle)
-                if not beside <= usual:
-                    verdict = NO
-                    todo = fly
-                    reason = "at its usual size it leaves no clear trace in these flights"
-                    if not alone > usual:
-                        reason = f"it cannot be told from {', '.join(s.resembles)} in these flights"
-                        todo = tells_apart(name, s.resembles[0]) or fly
-                if name == WIND:
-                    reason = reason or through
-                beside, alone = (v if v <= FAR * usual else math.inf for v in (beside, alone))
-                said = (verdict, reason, todo, s.resembles)
-                out.append(Answer(name, own, p.unit, beside, alone, usual, *said))
+            out.append(_through_drag(Answer(name, p.name, p.unit, size, size, p.typical), drag))
+        elif name == WIND and name in by_effect:
+            scale = usual_drag / drag if drag else 1.0
+            each = _of_sizes(by_effect[name], scale, None)
+            out += [_through_drag(answer, drag) for answer in each]
+        elif name in by_effect:
+            out += _of_sizes(by_effect[name], 1.0, vehicle)
     return tuple(out)
+
+
+def _never(effect: type[Effect], lacking: str, vehicle: Vehicle) -> Answer:
+    """Return the answer on an effect of which a log that lacks this has no trace."""
+    p = next(p for p in effect.parameters if not p.choices)
+    usual = usual_size(p, vehicle)
+    todo = INSTEAD.get(lacking) or manoeuvre((effect.identifier,))
+    answer = Answer(effect.identifier, p.name, p.unit, math.inf, math.inf, usual, NEVER)
+    return dc.replace(answer, reason=REQUIREMENTS[lacking], todo=todo)
+
+
+def _through_drag(answer: Answer, drag: float | None) -> Answer:
+    """Return the answer on a wind, which acts through the drag of the vehicle."""
+    note = "with their drag" if drag else "with usual drag"
+    reason = note if drag else f"{note}: these flights tell none"
+    if answer.smallest > answer.typical and not answer.todo:
+        answer = dc.replace(answer, verdict=NO, todo=manoeuvre((answer.identifier,)))
+    return dc.replace(answer, reason=answer.reason or reason, note=note)
+
+
+def _of_sizes(sizes: Smallest, scale: float, vehicle: Vehicle | None) -> list[Answer]:
+    """Return the answers on the parameters of an effect.
+
+    Args:
+        scale: factor on the sizes [1].
+        vehicle: for which a size is usual; None: as the parameter states it.
+    """
+    parameters = {p.name: p for p in effect_of(sizes.identifier).parameters}
+    out = []
+    for name, size_alone, size in zip(sizes.parameters, sizes.alone, sizes.adjacent, strict=True):
+        p = parameters[name]
+        usual = p.typical if vehicle is None else usual_size(p, vehicle)
+        alone = float(size_alone * scale)
+        smallest = float(size * scale)
+        shown, shown_alone = (v if v <= FAR * usual else math.inf for v in (smallest, alone))
+        values = (shown, shown_alone, usual)
+        answer = Answer(sizes.identifier, name, p.unit, *values, beside=sizes.resembles)
+        if not smallest <= usual:
+            reason = "at its usual size it leaves no clear trace in these flights"
+            todo = manoeuvre((sizes.identifier,))
+            if answer.is_alike:
+                reason = f"it cannot be told from {', '.join(sizes.resembles)} in these flights"
+                todo = tells_apart(sizes.identifier, sizes.resembles[0]) or todo
+            answer = dc.replace(answer, verdict=NO, reason=reason, todo=todo)
+        out.append(answer)
+    return out

@@ -18,13 +18,12 @@ from np_drake.diagnosis.options import IDEAL_SENSORS, PRIOR_SPREAD, Options, Tol
 from np_drake.diagnosis.residuals import QUIET, FlightResiduals
 from np_drake.effects import ClockOffset, ConstantWind, LinearDrag, SuspendedPayload, ThrustScale
 from np_drake.effects.base import Effect, prior_root, usual_size
-from np_drake.effects.library import LIBRARY, REQUIREMENTS, effect_of, effects_for, unobservable
+from np_drake.effects.library import LIBRARY, effect_of, effects_for, unobservable
 
 DRAG = LinearDrag.identifier  # the effect through which winds act
 WIND = ConstantWind.identifier
 GUSTY = (DRAG, WIND)  # effects that gusts mask in a held-out flight
 PAYLOAD = SuspendedPayload.identifier
-THRUST = REQUIREMENTS["thrust"]  # why an effect is hidden that scales thrust over weight
 Onset = dict[str, float | None]
 LINEAR = "linear"  # variant of a nuisance whose coefficients stay linear in a fit
 Mended = tuple[np.ndarray, float]  # physical coefficients and their log probability
@@ -73,7 +72,7 @@ class Candidate:
 
 
 def hidden_from(flights: Sequence[FlightResiduals]) -> dict[str, str]:
-    """Return the effects that this kind of flights cannot tell, with the reason."""
+    """Return the effects that this kind of flights cannot tell, with what they lack for it."""
     log = flights[0].log
     lacks = sorted({quantity for flight in flights for quantity in flight.log.lacks})
     return unobservable(
@@ -99,7 +98,7 @@ def library_candidates(
     hidden = {
         name
         for name, why in hidden_from(flights).items()
-        if why != THRUST or not (name in shown or effect_of(name).sudden)
+        if why != "thrust" or not (name in shown or effect_of(name).sudden)
     }
     has_neighbours = any(flight.log.neighbours for flight in flights)
     tried = effects_for(flights[0].log.input, neighbours=has_neighbours, before=before)

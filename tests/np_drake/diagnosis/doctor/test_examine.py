@@ -19,7 +19,7 @@ from np_drake.diagnosis.doctor.examine import (
 )
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
-from np_drake.effects.library import LIBRARY, effects_for, unobservable
+from np_drake.effects.library import LIBRARY, REQUIREMENTS, effects_for, unobservable
 from np_drake.rotor_input import rotor_speed, with_rotor_input
 from np_drake.vehicle import Vehicle
 
@@ -63,7 +63,8 @@ def test_what_the_input_hides_is_never_told_and_the_reason_is_given(log, kind):
             log, input=kind, u=np.column_stack([log.u[:, 0], np.full((len(log), 3), np.nan)])
         )
     given = dc.replace(given, a=None)
-    hidden = unobservable(kind, accelerations=False, torque=kind == "rotor_speed")
+    lacking = unobservable(kind, accelerations=False, torque=kind == "rotor_speed")
+    hidden = {name: REQUIREMENTS[what] for name, what in lacking.items()}
     dut = examine([given], vehicle)
     assert {a.identifier: a.reason for a in dut.answers if a.verdict == "never"} == hidden
     assert all(a.smallest == math.inf and a.todo for a in dut.answers if a.verdict == "never")
@@ -114,7 +115,7 @@ def test_an_effect_is_not_told_from_its_twin_and_the_twin_is_named(flight, noise
     dut = sizes([flight], noise, [drag, twin])["linear_drag"]
     assert dut.resembles == ("twin",)
     # no better than the prior of the twin allows
-    assert np.all(dut.beside > 3 * np.array(drag.typical))
+    assert np.all(dut.adjacent > 3 * np.array(drag.typical))
     assert np.all(dut.alone < 0.5 * np.array(drag.typical))
 
 
