@@ -103,23 +103,23 @@ def state_lags(x: Signals) -> dict[str, Lag]:
         x: what the log has of these, in our frames; acceleration: dv/dt in W, turned there by this
             attitude.
     """
-    found: dict[str, Lag] = {}
+    lags: dict[str, Lag] = {}
     for state, rate, early in STATES:
         if state not in x or rate not in x:
             continue
         other = x[rate]
         if (
             rate == "acceleration"
-            and "attitude" in found
-            and (late := found["attitude"].beyond_doubt)
+            and "attitude" in lags
+            and (late := lags["attitude"].beyond_doubt)
         ):
             force = attitude.rotate_back(x["attitude"].turned(None, other.t), other.values + G)
             other = Signal(
                 other.t, attitude.rotate(x["attitude"].turned(None, other.t + late), force) - G
             )
         if lag := lag_of(state, early, x[state].rate, other):
-            found[state] = lag
-    return found
+            lags[state] = lag
+    return lags
 
 
 def lag_of(late: str, early: str, y: Signal, x: Signal) -> Lag | None:
@@ -140,16 +140,19 @@ def lag_of(late: str, early: str, y: Signal, x: Signal) -> Lag | None:
         return None
     t = np.arange(start, stop, max(FINEST, x.step, (stop - start) / MOST_ROWS))
     around = np.arange(start - LONGEST_LAG, stop + LONGEST_LAG, t[1] - t[0])
-    own = y.averaged(t, WIDTH)
+    response = y.averaged(t, WIDTH)
     other = Signal(around, x.averaged(around, WIDTH))
-    own = own - own.mean(axis=0)
+    response = response - response.mean(axis=0)
     other = dc.replace(other, values=other.values - other.values.mean(axis=0))
     moved = (other.linear(t - shift) for shift in SHIFTS)
     cuts = np.linspace(0, len(t), parts, endpoint=False).astype(int)
     # Moments of both by shift, moment, part and axis.
     moments = np.array(
         [
-            [np.add.reduceat(z, cuts) for z in (own**0, z, own, z * z, z * own, own * own)]
+            [
+                np.add.reduceat(z, cuts)
+                for z in (response**0, z, response, z * z, z * response, response * response)
+            ]
             for z in moved
         ]
     )
@@ -212,7 +215,7 @@ def on_one_clock(
     if not late:
         return parts, log_map, []
     parts = [
-        {n: dc.replace(own, t=own.t - late.get(n, 0.0)) for n, own in signals.items()}
+        {n: dc.replace(signal, t=signal.t - late.get(n, 0.0)) for n, signal in signals.items()}
         for signals in parts
     ]
     log_map = dc.replace(

@@ -268,7 +268,7 @@ def _more(rows: np.ndarray) -> str:
 
 # gap that is bridged [s]; own choice: a flight's motion is known across it, its command is not
 LONGEST_GAP = 0.1
-HELD = ("u", "throttle", "throttles", "thrust")  # fields that are held, not interpolated
+STEPWISE = ("u", "throttle", "throttles", "thrust")  # fields that are held, not interpolated
 
 
 def split_at_gaps(table: Table) -> tuple[list[Table], list[Finding]]:
@@ -312,9 +312,9 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     new["t"][bridged] = np.concatenate(fills)
     for field in fields:
         for name in FIELDS[field]:
-            held = known[name][where - 1]
-            drawn = np.interp(new["t"][bridged], t, known[name])
-            new[name][bridged] = held if field in HELD else drawn
+            before = known[name][where - 1]
+            between = np.interp(new["t"][bridged], t, known[name])
+            new[name][bridged] = before if field in STEPWISE else between
     norm = np.where(bridged, np.linalg.norm([new[name] for name in COLUMNS["q"]], axis=0), 1.0)
     new |= {name: new[name] / norm for name in COLUMNS["q"]}
     return table.with_columns(new), bridged | np.insert(_marked(table), where, True)

@@ -56,13 +56,13 @@ def with_throttle_map(
             scatters between those before and between those since.
     Raises: LogError: if a throttle never carries the vehicle.
     """
-    told = [log for log in train if _has_throttle(log)]
-    if not told:
+    fitted = [log for log in train if _has_throttle(log)]
+    if not fitted:
         return list(train), list(held_out)
     others = [log for log in held_out if _has_throttle(log)]
-    known = _map_of(vehicle, told, others, exponent=None if before else USUAL)
+    known = _map_of(vehicle, fitted, others, exponent=None if before else USUAL)
     if before and isinstance(known, PowerMap):
-        known = _with_scatter(known, (told, others), vehicle.gravity)
+        known = _with_scatter(known, (fitted, others), vehicle.gravity)
 
     def mapped(log: FlightLog) -> FlightLog:
         return _mapped(log, vehicle, known) if _has_throttle(log) else log
@@ -102,7 +102,7 @@ def _map_of(
     volts = usual_voltage(flights) if usual_voltage(others or flights) else None
     seen = [_lifted(log, vehicle.gravity, volts) for log in flights]
     exponent = _fitted_exponent(seen) if exponent is None else exponent
-    hover = float(np.median([own.scale(exponent) for own in seen])) ** (-1 / exponent)
+    hover = float(np.median([flight.scale(exponent) for flight in seen])) ** (-1 / exponent)
     return PowerMap(0.25 * vehicle.mass * vehicle.gravity, hover, exponent, volts)
 
 
@@ -173,7 +173,11 @@ def lift_fit(flights: Sequence[FlightLog]) -> tuple[float, float, float]:
     """
     seen = [_lifted(log, GRAVITY) for log in flights]
     exponent = _fitted_exponent(seen)
-    return exponent, float(np.median([own.scale(exponent) for own in seen])), _loss(seen, exponent)
+    return (
+        exponent,
+        float(np.median([flight.scale(exponent) for flight in seen])),
+        _loss(seen, exponent),
+    )
 
 
 @dc.dataclass(frozen=True)

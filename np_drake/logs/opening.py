@@ -62,8 +62,8 @@ def open_flights(
         on_progress: called with the share that is read [1].
     Raises: LogError: one line with file, place and remedy; OSError: if it cannot be opened.
     """
-    (found,) = with_vehicle([read_as_logged(path, map, on_progress=on_progress)], vehicle)
-    return found.flights, found.sheet
+    (log,) = with_vehicle([read_as_logged(path, map, on_progress=on_progress)], vehicle)
+    return log.flights, log.sheet
 
 
 def read_as_logged(
@@ -88,8 +88,8 @@ def read_as_logged(
         return Opened(path, neurobem.read(path), vehicle=neurobem.published_vehicle())
     if map is None and log_file.is_flight_log(path):
         return Opened(path, log_file.read(path))
-    found = import_log(path, map, on_progress=on_progress)
-    return Opened(path, list(found.flights), found.sheet)
+    imported = import_log(path, map, on_progress=on_progress)
+    return Opened(path, list(imported.flights), imported.sheet)
 
 
 def with_vehicle(
@@ -106,13 +106,13 @@ def with_vehicle(
     Raises: LogError: at the first log that does not fit the vehicle.
     """
     driven = [
-        log for found in logs for log in found.flights if _turns(log, vehicle or found.vehicle)
+        log for opened in logs for log in opened.flights if _turns(log, vehicle or opened.vehicle)
     ]
     seen = torques_seen(driven, vehicle) if vehicle is not None else None
     out = []
-    for found in logs:
+    for opened in logs:
         try:
-            out.append(_driven(found, vehicle, seen))
+            out.append(_driven(opened, vehicle, seen))
         except LogError as error:
             if refused is None:
                 raise
@@ -129,30 +129,30 @@ def _turns(log: FlightLog, vehicle: Vehicle | None) -> bool:
     return chosen_input(log, vehicle) in ("rotor_speed", "normalised") or log.balance is not None
 
 
-def _driven(found: Opened, given: Vehicle | None, seen: Seen | None) -> Opened:
+def _driven(opened: Opened, given: Vehicle | None, seen: Seen | None) -> Opened:
     """Return a log whose flights have thrust and torque by the vehicle given, else by that of its
     format.
     """
-    vehicle = given or found.vehicle
+    vehicle = given or opened.vehicle
     if vehicle is None:
-        return found
+        return opened
     ordered = iter(
-        in_vehicle_order([log for log in found.flights if _turns(log, vehicle)], vehicle, seen)
+        in_vehicle_order([log for log in opened.flights if _turns(log, vehicle)], vehicle, seen)
     )
     flights = [
         with_vehicle_input(next(ordered) if _turns(log, vehicle) else log, vehicle)
-        for log in found.flights
+        for log in opened.flights
     ]
-    if found.sheet is None:
+    if opened.sheet is None:
         for log in flights:
-            check_units(log, found.path, given)
-    return dc.replace(found, flights=flights)
+            check_units(log, opened.path, given)
+    return dc.replace(opened, flights=flights)
 
 
 # time that two logs have in common, below which they are not of one run [s]; own choice
 SHORTEST_COMMON = 1.0
 # share of a flight that a neighbour covers, below which a note says so [1]; own choice
-WHOLE = 0.99
+NEARLY_ALL = 0.99
 HOW = "Give the two logs of one run, with positions in one frame and times of one clock"
 
 
@@ -164,13 +164,13 @@ def neighbour_of(text: str, files: Sequence[Path]) -> tuple[Path, Path]:
     Raises: ValueError: if OF is none of them.
     """
     path, _, name = text.rpartition("=")
-    found = [file for file in files if Path(name) in (file, Path(file.name))]
+    matches = [file for file in files if Path(name) in (file, Path(file.name))]
     require(
-        path and len(found) == 1,
+        path and len(matches) == 1,
         f"{text}: say beside which: --neighbour LOG=OF; OF must be one of "
         f"{', '.join(file.name for file in files)}.",
     )
-    return Path(path), found[0]
+    return Path(path), matches[0]
 
 
 def with_neighbours(
@@ -191,10 +191,10 @@ def with_neighbours(
             f"neighbours: must be of {', '.join(names)}; got {unknown[0]!r}. Name a flight "
             f"that is given."
         )
-    return [_beside(log, neighbours.get(log.name, ()), least) for log in flights]
+    return [_with_paths(log, neighbours.get(log.name, ()), least) for log in flights]
 
 
-def _beside(log: FlightLog, others: Sequence[FlightLog], least: float) -> FlightLog:
+def _with_paths(log: FlightLog, others: Sequence[FlightLog], least: float) -> FlightLog:
     for other in (log, *others) if others else ():
         require(
             "height" not in other.lacks,
@@ -210,10 +210,10 @@ def _beside(log: FlightLog, others: Sequence[FlightLog], least: float) -> Flight
         if min(last, ends) - max(first, begins) >= SHORTEST_COMMON
     ]
     if others and not near:
-        own, *told = (f"{begins:.2f} to {ends:.2f} s" for begins, ends in spans)
+        span, *their_spans = (f"{begins:.2f} to {ends:.2f} s" for begins, ends in spans)
         raise LogError(
             f"{others[0].name}: must have {SHORTEST_COMMON:g} s in common with {log.name}, which "
-            f"is of {own}; it is of {', '.join(told)}. {HOW}."
+            f"is of {span}; it is of {', '.join(their_spans)}. {HOW}."
         )
     paths = [Neighbour(other.t + (other.start - log.start), other.p, other.name) for other in near]
     return dc.replace(
@@ -239,7 +239,7 @@ def _checked(log: FlightLog, path: Neighbour, least: float) -> Finding:
             f"another frame or clock. {HOW}."
         )
     above = away[known, 2] > 0
-    share = "" if known.mean() > WHOLE else f" for {100 * known.mean():.0f} % of the flight"
+    share = "" if known.mean() > NEARLY_ALL else f" for {100 * known.mean():.0f} % of the flight"
     text = f"nearest {distance.min():.2f} m, below it {100 * above.mean():.0f} % of that time"
     return Finding(Kind.NEIGHBOUR, f"beside {path.name}{share}", text)
 
@@ -276,9 +276,9 @@ class CaseFiles:
         Raises: LogError, OSError: one line, at the first file that is not usable.
         """
         groups = (self.train, self.held_out, self.before)
-        opened = iter(with_vehicle([read_as_logged(p) for own in groups for p in own], vehicle))
+        opened = iter(with_vehicle([read_as_logged(p) for group in groups for p in group], vehicle))
         train, held_out, before = (
-            [part for _ in own for part in _parts(next(opened))] for own in groups
+            [part for _ in group for part in _parts(next(opened))] for group in groups
         )
         return train, held_out, before
 
@@ -292,14 +292,14 @@ class CaseFiles:
             logs: as `open` returned them.
         Raises: LogError, ValueError, OSError: one line, if one is not usable.
         """
-        found: dict[str, list[FlightLog]] = {}
+        opened: dict[str, list[FlightLog]] = {}
         for text in given:
             path, of = neighbour_of(text, (*self.train, *self.held_out))
             parts = _parts(read_as_logged(path))
-            for log in (log for some in logs for log in some):
+            for log in (log for neighbours in logs for log in neighbours):
                 if log.name == of.name or log.name.startswith(f"{of.name} part "):
-                    found.setdefault(log.name, []).extend(parts)
-        return found
+                    opened.setdefault(log.name, []).extend(parts)
+        return opened
 
 
 def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
@@ -326,9 +326,10 @@ def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
         tuple(path for path in flights if path.name.startswith(start))
         for start in (TRAIN, HELD_OUT, BEFORE)
     )
-    for start, found in ((TRAIN, train), (HELD_OUT, held_out)):
+    for start, matches in ((TRAIN, train), (HELD_OUT, held_out)):
         require(
-            found, f"{folder}: a case folder must hold {start}*{{{', '.join(SUFFIXES)}}}; got none."
+            matches,
+            f"{folder}: a case folder must hold {start}*{{{', '.join(SUFFIXES)}}}; got none.",
         )
     return CaseFiles(vehicle or folder / VEHICLE, train, held_out, before)
 
@@ -345,13 +346,13 @@ def open_case(folder: str | Path) -> tuple[Vehicle, list[FlightLog], list[Flight
     return vehicle, train, held_out
 
 
-def _parts(found: Opened) -> list[FlightLog]:
+def _parts(opened: Opened) -> list[FlightLog]:
     """Return a flight to diagnose, named as its file, in its parts between long gaps.
 
     Parts shorter than `SHORTEST` are left out, unless all are, and the notes say so.
     """
-    parts = found.flights
-    path = found.path
+    parts = opened.flights
+    path = opened.path
     if len(parts) == 1:
         return [dc.replace(parts[0], name=path.name)]
     kept = [log for log in parts if log.t[-1] - log.t[0] >= SHORTEST] or parts

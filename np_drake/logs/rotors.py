@@ -55,17 +55,17 @@ def assignments(vehicle: Vehicle) -> list[Assignment]:
     in its file.
     """
     positions = np.array(vehicle.rotor_positions, float)
-    own = given(vehicle)[1]
-    patterns = [d for d in itertools.product((1.0, -1.0), repeat=4) if sum(d) == 0 or d == own]
-    found = []
+    stated = given(vehicle)[1]
+    patterns = [d for d in itertools.product((1.0, -1.0), repeat=4) if sum(d) == 0 or d == stated]
+    steerable = []
     for rotors, d in itertools.product(itertools.permutations(range(4)), patterns):
         x, y, _ = positions[list(rotors)].T
         if (
             abs(np.linalg.det(np.stack([np.ones(4), y, -x, np.array(d) * np.abs(positions).max()])))
             >= 1e-9
         ):
-            found.append((rotors, d))
-    return found
+            steerable.append((rotors, d))
+    return steerable
 
 
 def evidence(log: FlightLog, vehicle: Vehicle) -> Evidence | None:
@@ -86,15 +86,15 @@ def evidence(log: FlightLog, vehicle: Vehicle) -> Evidence | None:
     rotors, d = (np.array(values) for values in zip(*assignments(vehicle), strict=True))
     arms = np.stack([positions[rotors, 1], -positions[rotors, 0], d], axis=1)  # (m, 3, 4)
     size = np.linalg.norm(turn, axis=0)
-    found = []
+    by_delay = []
     for thrust in moved:
         along = np.einsum("mak,ak->ma", arms, turn.T @ thrust)
-        own = np.sqrt(np.einsum("mak,kl,mal->ma", arms, thrust.T @ thrust, arms))
-        found.append(along / np.maximum(size * own, 1e-300))
-    correlations = np.stack(found)
+        norm = np.sqrt(np.einsum("mak,kl,mal->ma", arms, thrust.T @ thrust, arms))
+        by_delay.append(along / np.maximum(size * norm, 1e-300))
+    correlations = np.stack(by_delay)
     samples = 2 * (_upper(log) - BAND[0]) * (log.t[-1] - log.t[0])
-    left = np.maximum(1 - np.maximum(correlations, 0.0) ** 2, 1e-12)
-    return correlations, -0.5 * samples * np.log(left).sum(axis=2)
+    unexplained = np.maximum(1 - np.maximum(correlations, 0.0) ** 2, 1e-12)
+    return correlations, -0.5 * samples * np.log(unexplained).sum(axis=2)
 
 
 def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray] | None:
@@ -113,10 +113,10 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
     size = np.linalg.norm(turn, axis=0)
     best = (np.full(3, -np.inf), np.ones(3))
     for torque in moved:
-        own = np.maximum(np.linalg.norm(torque, axis=0), 1e-300)
-        correlation = np.sum(turn * torque, axis=0) / np.maximum(size * own, 1e-300)
+        norm = np.maximum(np.linalg.norm(torque, axis=0), 1e-300)
+        correlation = np.sum(turn * torque, axis=0) / np.maximum(size * norm, 1e-300)
         if correlation.sum() > best[0].sum():
-            best = correlation, size / own
+            best = correlation, size / norm
     # White noise has in the band the power that an impulse of its size has.
     impulse = np.outer(scipy.signal.unit_impulse(len(log), "mid"), white_noise([log.w]))
     noise, *_ = _in_band(dc.replace(log, w=impulse), vehicle, log.u[:, 1:], ())
@@ -187,7 +187,7 @@ def _in_band(
 
 # Correlation about roll and pitch from which an order is found [1]; own choice: flights with the
 # right file have 0.4 to 0.9, other orders below 0.3.
-FOUND = 0.3
+RECOGNISED = 0.3
 # correlation about yaw from which directions are found [1]; own choice: its torque is the smallest
 TURNS = 0.2
 # log likelihood ratio from which an order is preferred to another [nat]; own choice: 1 in 22,000
@@ -230,7 +230,7 @@ def rotor_orders(
         return values[min(int(delay), len(values) - 1)]
 
     weights = [max(float(row(scores)[likeliest]), 1e-12) for _, scores in seen]
-    correlations = np.average([row(own) for own, _ in seen], axis=0, weights=weights)
+    correlations = np.average([row(of_flight) for of_flight, _ in seen], axis=0, weights=weights)
     known = assignments(vehicle)
     orders = [
         RotorOrder(*each, (float(r[0]), float(r[1]), float(r[2])), float(score))
@@ -241,26 +241,27 @@ def rotor_orders(
 
 def tell_directions(logs: Sequence[FlightLog], vehicle: Vehicle) -> bool:
     """Return whether flights tell which way the propellers turn, or have no columns of rotors."""
-    found = (rotor_orders(own, vehicle) for own in torques_seen(logs, vehicle).values())
+    by_layout = (rotor_orders(stated, vehicle) for stated in torques_seen(logs, vehicle).values())
     return all(
-        abs(own.score - other.score) >= SURE
-        for own, orders in filter(None, found)
+        abs(stated.score - other.score) >= SURE
+        for stated, orders in filter(None, by_layout)
         for other in orders
-        if other.rotors == own.rotors and other.directions == tuple(-d for d in own.directions)
+        if other.rotors == stated.rotors
+        and other.directions == tuple(-d for d in stated.directions)
     )
 
 
 def torques_seen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Seen:
     """Return what flights tell of the order of their columns, by the layout that they state."""
-    found: dict[RotorLayout | None, list[Evidence]] = {}
+    by_layout: dict[RotorLayout | None, list[Evidence]] = {}
     for log in logs:
         try:
-            own = evidence(_in_stated_order(log, vehicle), vehicle)
+            of_flight = evidence(_in_stated_order(log, vehicle), vehicle)
         except LogError:
             continue  # said where that log is put in order
-        if own is not None:
-            found.setdefault(log.layout, []).append(own)
-    return found
+        if of_flight is not None:
+            by_layout.setdefault(log.layout, []).append(of_flight)
+    return by_layout
 
 
 def in_vehicle_order(
@@ -282,9 +283,11 @@ def in_vehicle_order(
     seen = torques_seen(flights, vehicle) if seen is None else seen
     out = []
     for log in flights:
-        placed = _in_stated_order(log, vehicle)
-        found = rotor_orders(seen.get(log.layout, ()), vehicle)
-        out.append(placed if found is None else _ordered(log, placed, vehicle, *found))
+        in_stated_order = _in_stated_order(log, vehicle)
+        orders = rotor_orders(seen.get(log.layout, ()), vehicle)
+        out.append(
+            in_stated_order if orders is None else _ordered(log, in_stated_order, vehicle, *orders)
+        )
     return out
 
 
@@ -292,14 +295,14 @@ def _ordered(
     given_log: FlightLog,
     log: FlightLog,
     vehicle: Vehicle,
-    own: RotorOrder,
+    stated_order: RotorOrder,
     orders: Sequence[RotorOrder],
 ) -> FlightLog:
     """Return a log, in its stated order, in that of the vehicle file, and a note where these
     differ.
     """
     best = orders[0]
-    if not _better(best, own):
+    if not _better(best, stated_order):
         return log
     likely = [o for o in orders if best.score - o.score < SURE]
     # Of the columns, those in which the rotors turn as in the vehicle file.
@@ -307,15 +310,15 @@ def _ordered(
     turns = [turn for o in likely if (turn := board_turn(o, vehicle))]
     if len(as_built) == 1:
         best = as_built[0]
-    stated = _stated_order(given_log, vehicle)
+    columns = _stated_order(given_log, vehicle)
     logged = dc.replace(
         best,
-        rotors=tuple(best.rotors[stated.index(i)] for i in range(4)),
-        directions=tuple(best.directions[stated.index(i)] for i in range(4)),
+        rotors=tuple(best.rotors[columns.index(i)] for i in range(4)),
+        directions=tuple(best.directions[columns.index(i)] for i in range(4)),
     )
     seen = (
         f"{_described(logged, vehicle)} (torque about x, y, z correlates by "
-        f"{_figures(best)}, not {_figures(own)})"
+        f"{_figures(best)}, not {_figures(stated_order)})"
     )
     if len(as_built) > 1:
         where = (
@@ -441,13 +444,13 @@ def _reordered(log: FlightLog, order: list[int], finding: Finding) -> FlightLog:
     return _with_finding(dc.replace(log, **columns, motors=motors), finding)
 
 
-def _better(best: RotorOrder, own: RotorOrder) -> bool:
+def _better(best: RotorOrder, stated: RotorOrder) -> bool:
     """Return whether an order is found, and far likelier than the file's."""
-    if best.score - own.score < SURE:
+    if best.score - stated.score < SURE:
         return False
-    if best.rotors == own.rotors:
-        return best.correlations[2] > TURNS + max(own.correlations[2], 0.0)
-    return min(best.correlations[:2]) > FOUND
+    if best.rotors == stated.rotors:
+        return best.correlations[2] > TURNS + max(stated.correlations[2], 0.0)
+    return min(best.correlations[:2]) > RECOGNISED
 
 
 def _described(order: RotorOrder, vehicle: Vehicle) -> str:

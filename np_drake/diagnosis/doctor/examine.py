@@ -91,21 +91,21 @@ def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
     Gusts have none: they are a noise.
     """
     plain = library_candidates(flights)
-    found = [_of_candidate(c, flights) for c in plain]
+    every_trace = [_of_candidate(c, flights) for c in plain]
     wind = LIBRARY[WIND].parameters
     for c in wind_candidates(flights, plain)[:1]:
         columns = {n: X[..., 3:] for n, X in c.columns.items()}
-        found.append(Trace(WIND, wind, tuple(p.typical for p in wind), columns))
-    told = PAYLOAD in LIBRARY and PAYLOAD not in hidden_from(flights)
-    for length in TRACE_LENGTHS if told else ():
+        every_trace.append(Trace(WIND, wind, tuple(p.typical for p in wind), columns))
+    shows_payload = PAYLOAD in LIBRARY and PAYLOAD not in hidden_from(flights)
+    for length in TRACE_LENGTHS if shows_payload else ():
         payload = payload_about(flights, payload_of(length), priors, shaped=False)
         mass = LIBRARY[PAYLOAD].parameters[:1]
         columns = payload.candidate(flights).columns
         usual = usual_size(mass[0], flights[0].vehicle)
         for X in columns.values():
             X[..., 0] *= usual / payload.guess.effect.values["mass"]
-        found.append(Trace(PAYLOAD, mass, (usual,), columns))
-    return found
+        every_trace.append(Trace(PAYLOAD, mass, (usual,), columns))
+    return every_trace
 
 
 def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
@@ -124,7 +124,7 @@ def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
     return Trace(identifier, free[:1], (usual[0],), half, size)
 
 
-def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
+def nearest_usual(variants: Sequence[Trace]) -> list[Trace]:
     """Return one trace of each effect: of those that are not linear, the one nearest its usual
     size.
     """
@@ -132,8 +132,8 @@ def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
     def away(trace: Trace) -> float:
         return 0.0 if trace.size is None else abs(math.log(abs(trace.size) / trace.typical[0]))
 
-    names = dict.fromkeys(trace.identifier for trace in found)
-    return [min((t for t in found if t.identifier == name), key=away) for name in names]
+    names = dict.fromkeys(trace.identifier for trace in variants)
+    return [min((t for t in variants if t.identifier == name), key=away) for name in names]
 
 
 def explain(
@@ -178,8 +178,8 @@ def _fitted(
     blocks = [c.columns for c in nuisance] + [t.columns for t in traces]
     total = reduce(add, (e.gram(noise, [b[e.name] for b in blocks]) for e in flights))
     mean, covariance = total.posterior(np.arange(len(total.Xy)))
-    every = (np.concatenate([b[e.name] for b in blocks], axis=-1) for e in flights)
-    residual = [e.bridged(e.y - X @ mean) for e, X in zip(flights, every, strict=True)]
+    columns = (np.concatenate([b[e.name] for b in blocks], axis=-1) for e in flights)
+    residual = [e.bridged(e.y - X @ mean) for e, X in zip(flights, columns, strict=True)]
     at = sum(c.size for c in nuisance)
     drag = None
     for trace in traces:
@@ -247,9 +247,9 @@ class Information:
         """
         asked, further = np.split(self._at[id(trace)], [len(trace.parameters)])
         index = np.concatenate([further, *(self._at[id(t)] for t in rivals), asked])
-        own = Gram(self._gram.XX[np.ix_(index, index)], self._gram.Xy[index])
+        chosen = Gram(self._gram.XX[np.ix_(index, index)], self._gram.Xy[index])
         scale = np.sqrt(np.maximum(self._gram.XX[asked, asked], 1e-12))
-        unit = own.given(len(index) - len(asked)).XX / np.outer(scale, scale)
+        unit = chosen.given(len(index) - len(asked)).XX / np.outer(scale, scale)
         values, vectors = np.linalg.eigh(0.5 * (unit + unit.T))
         return np.sqrt((vectors**2) @ (1 / np.maximum(values, SINGULAR))) / scale
 
@@ -259,13 +259,13 @@ class Information:
         """
         a = self._at[id(trace)]
         b = self._at[id(other)]
-        own, cross, theirs = (self._gram.XX[np.ix_(i, j)] for i, j in ((a, a), (a, b), (b, b)))
+        of_trace, cross, theirs = (self._gram.XX[np.ix_(i, j)] for i, j in ((a, a), (a, b), (b, b)))
         # Of a flight in which the other leaves nothing, it is no case of that.
         if len(other.parameters) <= len(trace.parameters) or not np.trace(theirs) > 0:
             return False
         ridge = SINGULAR * np.trace(theirs) * np.eye(len(b))
-        left = np.diag(own - cross @ np.linalg.solve(theirs + ridge, cross.T))
-        return bool(np.all(left < NESTED * np.diag(own)))
+        outside = np.diag(of_trace - cross @ np.linalg.solve(theirs + ridge, cross.T))
+        return bool(np.all(outside < NESTED * np.diag(of_trace)))
 
 
 def smallest_sizes(information: Information) -> list[Smallest]:
@@ -273,7 +273,7 @@ def smallest_sizes(information: Information) -> list[Smallest]:
     shows least.
     """
     known = nearest_usual(information.traces)
-    found = []
+    sizes = []
     for main in known:
         variants = [t for t in information.traces if t.identifier == main.identifier]
         alone = _sizes(information, variants, ())
@@ -286,10 +286,10 @@ def smallest_sizes(information: Information) -> list[Smallest]:
         most = [t for _, t in sorted(wider, key=lambda pair: -pair[0])[:MOST_RIVALS]]
         adjacent = np.maximum(alone, _sizes(information, variants, most))
         names = tuple(p.name for p in main.parameters)
-        found.append(
+        sizes.append(
             Smallest(main.identifier, names, alone, adjacent, tuple(t.identifier for t in most))
         )
-    return found
+    return sizes
 
 
 def _sizes(
@@ -305,17 +305,17 @@ def _sizes(
         at = {sign * t.size: t for t in variants if t.size is not None and sign * t.size > 0}
         if at:
             deviations = [information.deviations(at[size], rivals)[0] for size in sorted(at)]
-            told = 1 / np.maximum(deviations, 1e-12)
-            largest = max(largest, _crossing(np.array(sorted(at)), told))
+            lengths = 1 / np.maximum(deviations, 1e-12)
+            largest = max(largest, _crossing(np.array(sorted(at)), lengths))
     return np.array([largest])
 
 
-def _crossing(size: np.ndarray, told: np.ndarray) -> float:
+def _crossing(size: np.ndarray, length: np.ndarray) -> float:
     """Return the size at which a trace is `DEVIATIONS` long, given its length at some sizes: a
     power of the size.
     """
     x = np.log(size)
-    y = np.log(np.maximum(told, 1e-9) / DEVIATIONS)
+    y = np.log(np.maximum(length, 1e-9) / DEVIATIONS)
     if len(x) == 1:
         return float(size[0] * math.exp(-y[0]))
     above = np.flatnonzero(y >= 0)
@@ -338,7 +338,7 @@ def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float
     # one-sided, of unit variance [1/Hz]
     gust = 4 * time / (1 + (2 * np.pi * frequency * time) ** 2)
     information = sum(
-        np.sum((gust / own) ** 2) for own in noise.spectrum(frequency)[:2] if own[0] > 0
+        np.sum((gust / power) ** 2) for power in noise.spectrum(frequency)[:2] if power[0] > 0
     )
     return math.sqrt(DEVIATIONS / math.sqrt(information)) if information > 0 else math.inf
 
@@ -494,15 +494,15 @@ def _with_answers(
     moving = excitation(flights)
     options = options_of(flights, real=True if any(f.imported for f in report.flights) else None)
     nuisance = nuisance_of(flights, options.tolerance, options.priors)
-    every = traces(flights, options.priors)
+    all_traces = traces(flights, options.priors)
     # All that the flights may hold, payloads on every tether, is no noise.
-    near = [t for t in nearest_usual(every) if t.identifier != PAYLOAD]
+    near = [t for t in nearest_usual(all_traces) if t.identifier != PAYLOAD]
     tell(0.6, "noise")
     cleared, noise, drag = explain(
-        flights, nuisance, [*near, *(t for t in every if t.identifier == PAYLOAD)], options
+        flights, nuisance, [*near, *(t for t in all_traces if t.identifier == PAYLOAD)], options
     )
     tell(0.8, "smallest sizes")
-    information = Information(cleared, noise, nuisance, every)
+    information = Information(cleared, noise, nuisance, all_traces)
     gust = smallest_gust(noise, moving["duration [s]"])
     still = nothing_moves(moving, logs)
     y = np.concatenate([e.y[~e.outliers, FORCE] for e in flights])

@@ -81,7 +81,7 @@ MOST_RESIDUAL = 0.25  # of the weight, from which it is said first [1]
 # Of the weight along body z, from which thrust does not carry the vehicle: no payload or weak rotor
 # is that large [1]; own choice.
 NO_LIFT = 0.5
-TOLD = 0.5  # correlation of torque with J dw/dt from which sign and size are told [1]; own choice
+CLEAR = 0.5  # correlation of torque with J dw/dt from which sign and size are told [1]; own choice
 # of the torque that turned the vehicle over the model's, beyond which a law fails [1]; own choice
 FACTOR = 3.0
 # Of a flight in which noise of its attitude, and agreement, are looked for; own choice.
@@ -99,7 +99,7 @@ def findings_on(flight: FlightResiduals) -> list[Finding]:
 def law_findings(log: FlightLog) -> list[Finding]:
     """Return what stands against a flight without knowing its vehicle."""
     t, x = _evenly(log)
-    own = misfits(t, x)
+    by_law = misfits(t, x)
     if level := never_tilts(t, x):
         tilt, needed = level
         what = (
@@ -107,8 +107,8 @@ def law_findings(log: FlightLog) -> list[Finding]:
             f"sideways ({1e3 * needed:.0f} mrad): its pose is planar"
         )
         return [Finding(Kind.CONTRADICTION, log.name, what)]
-    aside = told_by_noise(own)
-    failed = failing(own)
+    aside = told_by_noise(by_law)
+    failed = failing(by_law)
     findings = [finding.of(log.name) for finding in shown_at(log.findings, Place.FAILURE)]
     clips = any(finding.kind is Kind.CLIPPING for finding in log.findings)
     noisy = [law for law in aside if not (clips and law.startswith("velocity"))]
@@ -117,8 +117,8 @@ def law_findings(log: FlightLog) -> list[Finding]:
         text = f"{', '.join(other)} contradict each other; check columns, frames and units"
         findings.append(Finding(Kind.CONTRADICTION, log.name, text))
     if lift:
-        opposed = any(own[law] >= OPPOSED for law in lift)
-        what = f"{_misfit(lift, own)}: horizontal acceleration is not along the thrust axis"
+        opposed = any(by_law[law] >= OPPOSED for law in lift)
+        what = f"{_misfit(lift, by_law)}: horizontal acceleration is not along the thrust axis"
         why = (
             "check attitude and frames"
             if opposed
@@ -127,7 +127,7 @@ def law_findings(log: FlightLog) -> list[Finding]:
         kind = Kind.CONTRADICTION if opposed else Kind.DOUBT
         findings.append(Finding(kind, log.name, f"{what}; {why}"))
     if noisy:
-        text = f"{_misfit(noisy, own)}: no more than noise or drift of a sensor"
+        text = f"{_misfit(noisy, by_law)}: no more than noise or drift of a sensor"
         findings.append(Finding(Kind.DOUBT, log.name, text))
     late = ", ".join(
         f"{lag.late} {1e3 * lag.seconds:+.0f} ms after {lag.early}"
@@ -140,8 +140,8 @@ def law_findings(log: FlightLog) -> list[Finding]:
     return findings
 
 
-def _misfit(laws: Sequence[str], own: dict[str, float]) -> str:
-    return f"misfit of {', '.join(f'{law} {own[law]:.2g}' for law in laws)} ({SCALE})"
+def _misfit(laws: Sequence[str], by_law: dict[str, float]) -> str:
+    return f"misfit of {', '.join(f'{law} {by_law[law]:.2g}' for law in laws)} ({SCALE})"
 
 
 def lags_of_state(log: FlightLog) -> dict[str, Lag]:
@@ -186,19 +186,19 @@ def _torque(e: FlightResiduals) -> list[Finding]:
     """Return the findings on the torque by its correlation with J dw/dt + w x J w, and by the size
     of both.
     """
-    found = torque_agreement(e.log, e.vehicle) if e.knows_torque else None
-    if found is None:
+    agreement = torque_agreement(e.log, e.vehicle) if e.knows_torque else None
+    if agreement is None:
         return []
     out = []
-    for axis, correlation, ratio in zip("xyz", *found, strict=True):
+    for axis, correlation, ratio in zip("xyz", *agreement, strict=True):
         what = ""
-        if correlation < -TOLD:
+        if correlation < -CLEAR:
             what = (
                 f"goes against J dw/dt (correlation {correlation:.2f}); check signs and the order "
                 "of the rotors"
             )
         # Noise lies on both: the factor is between the regressions of one on the other.
-        elif correlation > TOLD and (
+        elif correlation > CLEAR and (
             correlation * ratio > FACTOR or ratio / correlation < 1 / FACTOR
         ):
             what = (
@@ -218,19 +218,19 @@ def lags(log: FlightLog, vehicle: Vehicle | None = None) -> tuple[Lag, ...]:
     Args:
         vehicle: for the torque of measured rotor speed; None: that lag is left out.
     """
-    found: list[Lag | None] = [*lags_of_state(log).values()]
+    each: list[Lag | None] = [*lags_of_state(log).values()]
     rise = Signal(log.t, log.v).rate
     up = attitude.body_z(Signal(log.t, log.q).turned(None, rise.t))
     lift = np.sum((rise.values + [0.0, 0.0, 9.81]) * up, axis=1)[:, None]
     # a held command acts half a row later
-    held = log.t if log.input == "rotor_speed" else log.t + 0.5 * log.step
-    told = {"thrust": log.u[:, :1] if log.throttle is None else log.throttle}
-    asked = lift_of(told if log.rotor is None else {"rotor_speed": log.rotor})
-    found.append(lag_of("lift", "thrust", Signal(rise.t, lift), Signal(held, asked[:, None])))
+    acting = log.t if log.input == "rotor_speed" else log.t + 0.5 * log.step
+    lifting = {"thrust": log.u[:, :1] if log.throttle is None else log.throttle}
+    asked = lift_of(lifting if log.rotor is None else {"rotor_speed": log.rotor})
+    each.append(lag_of("lift", "thrust", Signal(rise.t, lift), Signal(acting, asked[:, None])))
     u = log.u[:, 1:]
     if np.isfinite(u).all() and (log.input != "rotor_speed" or vehicle is not None):
-        found.append(lag_of("turning", "torque", Signal(log.t, log.w).rate, Signal(held, u)))
-    return tuple(lag for lag in found if lag is not None)
+        each.append(lag_of("turning", "torque", Signal(log.t, log.w).rate, Signal(acting, u)))
+    return tuple(lag for lag in each if lag is not None)
 
 
 GAP = 2.5  # median intervals of a longer one, a gap [1]; as in the import

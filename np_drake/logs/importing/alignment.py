@@ -87,16 +87,16 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     if "angular_acceleration" in signals:
         out["angular_acceleration"] = _averaged_after(x["angular_acceleration"], t, width)
     for name in (n for n in ("rotor_speed", *OPTIONAL) if n in signals):
-        own = x[name]
+        signal = x[name]
         steps = name == "commanded_rates" or (
-            name == "rotor_speed" and width > 0 and own.renewal > FASTER * width
+            name == "rotor_speed" and width > 0 and signal.renewal > FASTER * width
         )
         if (
-            name == "rotor_speed" and own.renewal * SLOWEST_ROTORS > 1
+            name == "rotor_speed" and signal.renewal * SLOWEST_ROTORS > 1
         ):  # of which the collective alone is taken
-            out[name] = own.renewed.linear(t)
+            out[name] = signal.renewed.linear(t)
         else:
-            out[name] = own.held(t) if steps else own.averaged(t, width)
+            out[name] = signal.stepwise(t) if steps else signal.averaged(t, width)
     out |= {
         name: _command(x[name], command_meaning(signals[name], log_map), t)
         for name in COMMANDS
@@ -106,30 +106,30 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     x["position"] = Signal(p.t, v.linear(p.t))
     filled, torn = np.zeros((2, len(t)), bool)
     for name in (n for n in (*STATE, *COMMANDS, "rotor_speed") if n in signals):
-        own = x[name]
-        is_torn = _is_torn(own)
+        signal = x[name]
+        is_torn = _is_torn(signal)
         if inertial and name in POSE:
-            is_torn &= np.diff(own.t) > LONGEST_BRIDGE
-        for k in np.flatnonzero(np.diff(own.t) > GAP * own.step):
-            after = np.searchsorted(t, own.t[k], side="right")
-            inside = slice(after, np.searchsorted(t, own.t[k + 1]))
+            is_torn &= np.diff(signal.t) > LONGEST_BRIDGE
+        for k in np.flatnonzero(np.diff(signal.t) > GAP * signal.step):
+            after = np.searchsorted(t, signal.t[k], side="right")
+            inside = slice(after, np.searchsorted(t, signal.t[k + 1]))
             filled[inside] = True
             torn[inside] |= is_torn[k]
     return Aligned(t, out, filled, tuple(findings), torn)
 
 
-def _is_torn(own: Signal) -> np.ndarray:
+def _is_torn(signal: Signal) -> np.ndarray:
     """Return over which intervals (n - 1,) a line may miss more than over `GAP` usual ones in
     nearly all of the flight.
 
     It misses an eighth of the interval times the change of slope, as of a parabola. What a line
     bridges thus follows from the rate of a signal and from the motion around the interval.
     """
-    interval = np.diff(own.t)
-    slope = np.diff(own.values, axis=0) / interval[:, None]
+    interval = np.diff(signal.t)
+    slope = np.diff(signal.values, axis=0) / interval[:, None]
     bend = np.pad(np.linalg.norm(np.diff(slope, axis=0), axis=1), 1)
     missed = interval * (bend[:-1] + bend[1:])
-    return missed > GAP**2 * own.step * np.percentile(bend[1:-1], USUAL)
+    return missed > GAP**2 * signal.step * np.percentile(bend[1:-1], USUAL)
 
 
 def in_frames(signals: Signals, log_map: LogMap, findings: list[Finding]) -> dict[str, Signal]:
@@ -141,9 +141,9 @@ def in_frames(signals: Signals, log_map: LogMap, findings: list[Finding]) -> dic
     x = {"attitude": q, "rates": _rates(signals, log_map, q, findings)}
     x |= {
         name: Signal(
-            own.t, convert_quantity(name, own.values, log_map, q.turned(x["rates"], own.t))
+            signal.t, convert_quantity(name, signal.values, log_map, q.turned(x["rates"], signal.t))
         )
-        for name, own in signals.items()
+        for name, signal in signals.items()
         if name not in x
     }
     if "velocity" not in x and "position" in x:
@@ -161,9 +161,11 @@ def common_rows(signals: Signals, rate: float) -> tuple[np.ndarray, dict[str, np
     start, stop = _overlap(signals)
     t = np.arange(start, stop, 1.0 / rate)
     out = {}
-    for name, own in signals.items():
-        after = np.clip(np.searchsorted(own.t, t), 1, len(own.t) - 1)
-        out[name] = own.values[np.where(t - own.t[after - 1] < own.t[after] - t, after - 1, after)]
+    for name, signal in signals.items():
+        after = np.clip(np.searchsorted(signal.t, t), 1, len(signal.t) - 1)
+        out[name] = signal.values[
+            np.where(t - signal.t[after - 1] < signal.t[after] - t, after - 1, after)
+        ]
     return t, out
 
 
@@ -180,11 +182,11 @@ def _rows(signals: Signals, log_map: LogMap, path: str) -> tuple[np.ndarray, flo
     if not stop > start:
         spans = ", ".join(f"{n} {s.t[0]:.4g} … {s.t[-1]:.4g} s" for n, s in signals.items())
         raise LogError(f"{path}: the signals must overlap in time; got {spans}.")
-    own = signals["attitude"].t
+    times = signals["attitude"].t
     if log_map.rate == 0 and all(
-        len(s.t) == len(own) and np.array_equal(s.t, own) for s in signals.values()
+        len(s.t) == len(times) and np.array_equal(s.t, times) for s in signals.values()
     ):
-        return own, 0.0
+        return times, 0.0
     fast = [
         s.step
         for name, s in signals.items()
@@ -195,19 +197,19 @@ def _rows(signals: Signals, log_map: LogMap, path: str) -> tuple[np.ndarray, flo
     return start + np.arange(count + 1) / rate, 1.0 / rate
 
 
-def _averaged_after(own: Signal, at: np.ndarray, width: float) -> np.ndarray:
+def _averaged_after(signal: Signal, at: np.ndarray, width: float) -> np.ndarray:
     """Return the mean of a signal over `width` [s] after each of `at` (m,); linear where samples
     are no denser.
     """
-    return own.averaged(at + 0.5 * width * (width >= FASTER * own.step), width)
+    return signal.averaged(at + 0.5 * width * (width >= FASTER * signal.step), width)
 
 
 def _rates(signals: Signals, log_map: LogMap, q: Signal, findings: list[Finding]) -> Signal:
     if "rates" in signals:
-        own = signals["rates"]
-        near = q.linear(own.t)
+        gyro = signals["rates"]
+        near = q.linear(gyro.t)
         near /= np.linalg.norm(near, axis=1, keepdims=True)
-        return Signal(own.t, convert_quantity("rates", own.values, log_map, near))
+        return Signal(gyro.t, convert_quantity("rates", gyro.values, log_map, near))
     text = "none in the log; differentiated from attitude"
     findings.append(Finding(Kind.DETAIL, "rates", text))
     return q.rate
@@ -234,29 +236,29 @@ def _differentiated(p: Signal, findings: list[Finding]) -> Signal:
     return Signal(np.concatenate(times), np.concatenate(slopes))
 
 
-def command_meaning(own: Signal, log_map: LogMap) -> str:
+def command_meaning(signal: Signal, log_map: LogMap) -> str:
     """Return what the rows of a command mean: one that is logged slowly, without a word on it,
     changes in between.
     """
-    slow = own.step * SLOWEST_ROTORS > 1
+    slow = signal.step * SLOWEST_ROTORS > 1
     return "sampled" if slow and log_map.command == "unknown" else log_map.command
 
 
-def _command(own: Signal, timing: str, t: np.ndarray) -> np.ndarray:
+def _command(signal: Signal, timing: str, t: np.ndarray) -> np.ndarray:
     """Return the mean of a command over the interval after each row, by what its rows mean."""
     if timing == "held_before":
-        own = Signal(own.t, np.concatenate([own.values[1:], own.values[-1:]]))
+        signal = Signal(signal.t, np.concatenate([signal.values[1:], signal.values[-1:]]))
     if timing == "sampled":
-        mean = np.diff(own.integral(t), axis=0) / np.diff(t)[:, None]
-        return np.concatenate([mean, own.linear(t[-1:])])
-    return own.held(t)
+        mean = np.diff(signal.integral(t), axis=0) / np.diff(t)[:, None]
+        return np.concatenate([mean, signal.linear(t[-1:])])
+    return signal.stepwise(t)
 
 
 LACKS = {LOOKS[field][0]: UNLOGGED[field] for field in "pv"}  # by quantity
 # Below which the mean specific force is vertical: no flight accelerates one way for ten seconds
 # [Hz]; own choice.
 LEVEL = 0.05
-EVERY = 0.05  # between two values of that mean [s]
+AVERAGE_STEP = 0.05  # between two values of that mean [s]
 FINEST = 0.002  # between two attitudes: body rates that are denser are averaged [s]
 
 
@@ -271,12 +273,12 @@ def with_whole_motion(
     position it is the integral of the velocity, from the origin; without both, velocity is that of
     the acceleration, from rest. A velocity that a position tells is left to `align`.
     """
-    found = dict(signals)
+    complete = dict(signals)
     lacks = []
     findings = []
-    if "attitude" not in found:
-        left = [name for name in LACKS if found.pop(name, None) is not None]
-        found["attitude"] = _levelled(found, log_map)
+    if "attitude" not in complete:
+        meaningless = [name for name in LACKS if complete.pop(name, None) is not None]
+        complete["attitude"] = _levelled(complete, log_map)
         log_map = dc.replace(
             log_map, attitude=Source(["integral of rates"] * 4, world="enu", body="flu")
         )
@@ -287,11 +289,11 @@ def with_whole_motion(
         )
         findings.append(Finding(Kind.DERIVED, "attitude", text))
         text = "left out; without attitude it says nothing of the body"
-        findings += [Finding(Kind.DERIVED, name, text) for name in left]
+        findings += [Finding(Kind.DERIVED, name, text) for name in meaningless]
     for name, rate in (("velocity", "acceleration"), ("position", "velocity")):
-        if "position" in found or name in found:
+        if "position" in complete or name in complete:
             continue
-        found[name] = _integral(found, rate, log_map)
+        complete[name] = _integral(complete, rate, log_map)
         world: dict[str, Any] = {
             name: Source([f"integral of {rate}"] * 3, axes="world", world="enu")
         }
@@ -299,7 +301,7 @@ def with_whole_motion(
         lacks.append(LACKS[name])
         text = f"none in the log; {rate} integrated, and what acts through {name} cannot be told"
         findings.append(Finding(Kind.DERIVED, name, text))
-    return found, log_map, tuple(lacks), findings
+    return complete, log_map, tuple(lacks), findings
 
 
 def _levelled(signals: Signals, log_map: LogMap) -> Signal:
@@ -310,20 +312,20 @@ def _levelled(signals: Signals, log_map: LogMap) -> Signal:
     which is taken out. Nothing is said of yaw. Source: complementary filter, run in both
     directions.
     """
-    own = signals["rates"]
+    gyro = signals["rates"]
     force = signals["acceleration"]
-    rates = Signal(own.t, convert_quantity("rates", own.values, log_map))
-    at = own.t if own.step * FASTER > FINEST else np.arange(own.t[0], own.t[-1], FINEST)
+    rates = Signal(gyro.t, convert_quantity("rates", gyro.values, log_map))
+    at = gyro.t if gyro.step * FASTER > FINEST else np.arange(gyro.t[0], gyro.t[-1], FINEST)
     carried = Signal(
         at, attitude.integrated(at, np.array([1.0, 0.0, 0.0, 0.0]), rates.averaged(at, FINEST))
     )
     specific = convert_quantity("acceleration", force.values, log_map) + G
     seen = Signal(force.t, attitude.rotate(carried.turned(None, force.t), specific))
-    t = np.arange(own.t[0], own.t[-1] + EVERY, EVERY)
-    sos = scipy.signal.butter(2, 2 * LEVEL * EVERY, output="sos")
+    t = np.arange(gyro.t[0], gyro.t[-1] + AVERAGE_STEP, AVERAGE_STEP)
+    sos = scipy.signal.butter(2, 2 * LEVEL * AVERAGE_STEP, output="sos")
     # Mirrored ends: what the vehicle does in its last instant is no mean.
-    mirrored = {"padtype": "even", "padlen": min(len(t) - 1, int(1 / (LEVEL * EVERY)))}
-    up = scipy.signal.sosfiltfilt(sos, seen.averaged(t, EVERY), axis=0, **mirrored)
+    mirrored = {"padtype": "even", "padlen": min(len(t) - 1, int(1 / (LEVEL * AVERAGE_STEP)))}
+    up = scipy.signal.sosfiltfilt(sos, seen.averaged(t, AVERAGE_STEP), axis=0, **mirrored)
     up = Signal(t, up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)).linear(at)
     across = np.cross(up, [0.0, 0.0, 1.0])
     size = np.linalg.norm(across, axis=1, keepdims=True)
@@ -333,14 +335,16 @@ def _levelled(signals: Signals, log_map: LogMap) -> Signal:
 
 def _integral(signals: Signals, rate: str, log_map: LogMap) -> Signal:
     """Return the integral of a vector in W at its own times, from zero."""
-    own = signals[rate]
+    signal = signals[rate]
     q_own = convert_quantity("attitude", signals["attitude"].values, log_map)
-    q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0])).linear(own.t)
+    q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0])).linear(signal.t)
     q /= np.linalg.norm(q, axis=1, keepdims=True)
-    values = convert_quantity(rate, own.values, log_map, q)
+    values = convert_quantity(rate, signal.values, log_map, q)
     if (
         rate == "acceleration" and log_map.command == "held_after"
     ):  # constant from its row to the next, as the thrust
-        steps = values[:-1] * np.diff(own.t)[:, None]
-        return Signal(own.t, np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
-    return Signal(own.t, scipy.integrate.cumulative_trapezoid(values, own.t, axis=0, initial=0.0))
+        steps = values[:-1] * np.diff(signal.t)[:, None]
+        return Signal(signal.t, np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
+    return Signal(
+        signal.t, scipy.integrate.cumulative_trapezoid(values, signal.t, axis=0, initial=0.0)
+    )

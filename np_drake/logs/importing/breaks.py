@@ -95,13 +95,13 @@ def without_frozen_poses(
     after = np.append(t, np.inf)
     spans = [Break(float(t[a - 1]), float(after[b]), FROZEN) for a, b in stretches(gone).tolist()]
     for name in (n for n in POSE if n in signals):
-        own = signals[name]
+        signal = signals[name]
         kept = np.ones(len(signals[name].t), bool)
         for span in spans:
-            inside = (own.t > span.before) & (own.t < span.after)
-            repeats = np.all(np.diff(own.values[inside], axis=0) == 0, axis=1)
+            inside = (signal.t > span.before) & (signal.t < span.after)
+            repeats = np.all(np.diff(signal.values[inside], axis=0) == 0, axis=1)
             kept[inside] = name != "attitude" and np.mean(repeats) <= 0.5
-        out[name] = dc.replace(own, t=own.t[kept], values=own.values[kept])
+        out[name] = dc.replace(signal, t=signal.t[kept], values=signal.values[kept])
     seconds = sum(min(span.after, t[-1]) - span.before for span in spans)
     text = f"{gone.sum()} rows, {seconds:.3g} s in {len(spans)} stretches, left out"
     return out, spans, [Finding(Kind.LEFT_OUT, FROZEN, text)]
@@ -122,7 +122,7 @@ def find_breaks(
     """
     longest = LONGEST_BRIDGE if "acceleration" in signals else 0.0
     bridged = [b for b in frozen if b.after - b.before <= longest]
-    found = [*known, *(b for b in frozen if b not in bridged)]
+    breaks = [*known, *(b for b in frozen if b not in bridged)]
     seen = list[Break]()
     place = next(
         signals[name] for name in ("position", "velocity", "acceleration") if name in signals
@@ -131,12 +131,12 @@ def find_breaks(
     for t, reason, certainty in stated:
         k = int(np.searchsorted(place.t, t))
         if certainty is Certainty.ENDS:
-            found.append(Break(t, np.inf, reason))
+            breaks.append(Break(t, np.inf, reason))
         elif certainty is Certainty.BREAKS and 0 < k < len(place.t):
-            found.append(Break(float(place.t[k - 1]), float(place.t[k]), reason))
-    for own in (signals[name] for name in (*STATE, *INPUTS) if name in signals):
-        for row in np.flatnonzero(np.diff(own.t) > max(PAUSE, SLOW * own.step)):
-            before, after = own.t[row : row + 2].tolist()
+            breaks.append(Break(float(place.t[k - 1]), float(place.t[k]), reason))
+    for signal in (signals[name] for name in (*STATE, *INPUTS) if name in signals):
+        for row in np.flatnonzero(np.diff(signal.t) > max(PAUSE, SLOW * signal.step)):
+            before, after = signal.t[row : row + 2].tolist()
             seen.append(Break(before, after, f"a pause of {after - before:.3g} s", pause=True))
     for name in (n for n in ("position", "velocity") if n in signals):
         source = getattr(log_map, name)
@@ -151,7 +151,7 @@ def find_breaks(
             asked,
         )
     apart = (b for b in seen if not any(b.before < s.after > s.before < b.after for s in bridged))
-    return _joined([*found, *apart])
+    return _joined([*breaks, *apart])
 
 
 def split(
@@ -163,10 +163,10 @@ def split(
         origin: from which times of the findings count [s].
     """
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
-    found = [
+    parts = [
         within(signals, start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True)
     ]
-    kept = [not lacking for _, lacking in found]
+    kept = [not lacking for _, lacking in parts]
     findings = []
     for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
         side = "after" if before else "before"
@@ -177,19 +177,21 @@ def split(
         last = f"the last at {breaks[-1].before - origin:.2f} s"
         text = f"{len(findings) - MOST_NAMED} more such breaks, {last}"
         findings[MOST_NAMED:] = [Finding(Kind.BREAK, "", text)]
-    return [part for part, lacking in found if not lacking], findings
+    return [part for part, lacking in parts if not lacking], findings
 
 
 def within(signals: Signals, start: float, stop: float) -> tuple[Signals, str]:
     """Return the signals between two times [s], and which of those that are needed has too few
     samples; empty: none.
     """
-    part = {name: own.between(start, stop) for name, own in signals.items()}
-    short = [n for n, own in part.items() if len(own.t) < (2 if n in OPTIONAL else LEAST_ROWS)]
+    part = {name: signal.between(start, stop) for name, signal in signals.items()}
+    short = [
+        n for n, signal in part.items() if len(signal.t) < (2 if n in OPTIONAL else LEAST_ROWS)
+    ]
     lacking = next(
         (f"{name} has {len(part[name].t)}" for name in short if name not in OPTIONAL), ""
     )
-    return {name: own for name, own in part.items() if name not in short}, lacking
+    return {name: signal for name, signal in part.items() if name not in short}, lacking
 
 
 def _jumps(
@@ -202,7 +204,7 @@ def _jumps(
     count = len(change)
     if count < 4 * AROUND:
         return []
-    found = []
+    breaks = []
     near = np.lib.stride_tricks.sliding_window_view(np.pad(size, AROUND), 2 * AROUND + 1)
     around = np.maximum(near[:, :AROUND].max(axis=1), near[:, AROUND + 1 :].max(axis=1))
     least = np.maximum(LEAST[name], ABRUPT * around)
@@ -214,23 +216,23 @@ def _jumps(
         near_enough = (s for s in asked if t[max(k - 1, 0)] <= s.t <= t[min(k + 2, count)])
         reason = next((switch.reason for switch in near_enough), "")
         if size[k] > (STATED if reason else 1.0) * least[k]:
-            said = (
+            size_text = (
                 f"{np.degrees(size[k]):.3g} deg"
                 if name == "attitude"
                 else f"{size[k]:.3g} {next(iter(UNITS[name]))}"
             )
-            jump = f"the {name} jumps by {said}"
-            what = f"{reason} ({name} by {said})" if reason else jump
-            found.append(Break(float(t[k]), float(t[k + 1]), what))
-    return found if len(found) < MOST * count else []
+            jump = f"the {name} jumps by {size_text}"
+            what = f"{reason} ({name} by {size_text})" if reason else jump
+            breaks.append(Break(float(t[k]), float(t[k + 1]), what))
+    return breaks if len(breaks) < MOST * count else []
 
 
-def _joined(found: Sequence[Break]) -> list[Break]:
+def _joined(breaks: Sequence[Break]) -> list[Break]:
     """Return the breaks in time, those that overlap as one, with the first reason that is more than
     a pause.
     """
     out: list[Break] = []
-    for b in sorted(found, key=lambda b: b.before):
+    for b in sorted(breaks, key=lambda b: b.before):
         if out and b.before < out[-1].after:
             known = b if out[-1].pause and not b.pause else out[-1]
             after = max(b.after, out[-1].after)
@@ -286,7 +288,7 @@ def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
     They are where a clock is set back in a file that is sorted by time: samples are twice as dense
     as elsewhere, and alternate between two tracks.
     """
-    found = []
+    breaks = []
     for stream in (s for s in recording.streams.values() if len(s) > 4 * DENSE and s.columns):
         t = stream.t
         interval = np.diff(stream.t)
@@ -305,12 +307,12 @@ def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
             if two_over_one and np.median(two_over_one) < ALTERNATE:
                 before = max(close[0] - 1, 0)
                 after = min(close[-1] + 2, len(t) - 1)
-                said = "the clock is set back, and rows of two times stand side by side"
-                found.append(Break(float(t[before]), float(t[after]), said))
+                reason = "the clock is set back, and rows of two times stand side by side"
+                breaks.append(Break(float(t[before]), float(t[after]), reason))
     streams = dict(recording.streams)
-    for b in found:
+    for b in breaks:
         streams = {n: _rows(s, (s.t <= b.before) | (s.t >= b.after)) for n, s in streams.items()}
-    return dc.replace(recording, streams=streams), found
+    return dc.replace(recording, streams=streams), breaks
 
 
 def _rows(stream: Stream, rows: slice | np.ndarray) -> Stream:

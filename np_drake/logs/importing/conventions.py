@@ -96,19 +96,19 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
         t: (n,) evenly spaced times [s].
         raw: columns (n, k) of the log at these times, by quantity.
     """
-    own = misfits(t, convert(raw, log_map))
-    failed = tuple(failing(own))
-    turned = turned_attitude(t, raw, log_map, Verdict(own, failed))
+    declared = misfits(t, convert(raw, log_map))
+    failed = tuple(failing(declared))
+    turned = turned_attitude(t, raw, log_map, Verdict(declared, failed))
     if not failed:
-        return turned or Verdict(own, ())
-    laws = {law.split()[0] for law in own}  # none is lost that could be tested before
+        return turned or Verdict(declared, ())
+    laws = {law.split()[0] for law in declared}  # none is lost that could be tested before
     singles = list(_alternatives(raw, log_map))
     several = [change for change in singles if not change[0][0].endswith(".signs")]
     usual = [change for change in several if change[0][1] not in TURNED]
     part = liveliest(raw, len(t))
     trial = Trial(t[part], {name: values[part] for name, values in raw.items()})
     for count, pool in enumerate((singles, several, usual), start=1):
-        found = []
+        fitting = []
         for chosen in itertools.combinations(pool, count):
             change = tuple(itertools.chain(*chosen))
             if len({option for option, _ in change}) < len(change):
@@ -121,17 +121,17 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
             if laws <= {law.split()[0] for law in now} and all(
                 misfit < AGREES for misfit in now.values()
             ):
-                found.append((sum(m**2 for m in now.values()), change))
-        if found:
-            changes = [change for _, change in sorted(found, key=lambda pair: pair[0])]
-            return Verdict(own, failed, changes[0], tuple(changes[1:]))
+                fitting.append((sum(m**2 for m in now.values()), change))
+        if fitting:
+            changes = [change for _, change in sorted(fitting, key=lambda pair: pair[0])]
+            return Verdict(declared, failed, changes[0], tuple(changes[1:]))
         if turned:
             return turned
-    aside = told_by_noise(own)
+    aside = told_by_noise(declared)
     disturbed = all(
-        law in aside or (law.startswith("lift") and own[law] < OPPOSED) for law in failed
+        law in aside or (law.startswith("lift") and declared[law] < OPPOSED) for law in failed
     )
-    return Verdict(own, () if disturbed else failed)
+    return Verdict(declared, () if disturbed else failed)
 
 
 def turned_attitude(
@@ -158,17 +158,19 @@ def turned_attitude(
     declared = log_map.frames(log_map.attitude)[1]
     back = axes_of_word(declared).T
     count = (t[-1] - t[0]) / WINDOW
-    found = {word: np.diag(axes_of_word(word) @ back @ correlation) for word in BODIES}
-    left = {word: np.maximum(1 - np.maximum(r, 0.0) ** 2, 1e-9) for word, r in found.items()}
-    score = {word: float(-0.5 * count * np.log(rest).sum()) for word, rest in left.items()}
+    of_word = {word: np.diag(axes_of_word(word) @ back @ correlation) for word in BODIES}
+    unexplained = {
+        word: np.maximum(1 - np.maximum(r, 0.0) ** 2, 1e-9) for word, r in of_word.items()
+    }
+    score = {word: float(-0.5 * count * np.log(rest).sum()) for word, rest in unexplained.items()}
     ranked = sorted(BODIES, key=lambda word: -score[word])
-    best = found[ranked[0]]
-    own = found[declared]
+    best = of_word[ranked[0]]
+    of_declared = of_word[declared]
     likely = [word for word in ranked if score[ranked[0]] - score[word] < SURE]
     # About no axis do they move against each other: another convention would be wrong, too.
     if declared in likely or best.min() < -2 / np.sqrt(count):
         return None
-    axes = {"attitude axes": float(1 - own[np.argmax(best - own)])}
+    axes = {"attitude axes": float(1 - of_declared[np.argmax(best - of_declared)])}
     first, *others = ((("attitude.body", word),) for word in likely)
     rest = check_conventions(t, raw, changed(log_map, first))
     return Verdict(
@@ -302,10 +304,12 @@ def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
         worlds = {
             name: log_map.frames(getattr(log_map, name))[0] for name in ("position", "velocity")
         }
-        yield tuple((f"{name}.world", _other(WORLDS, own)) for name, own in worlds.items())
+        yield tuple(
+            (f"{name}.world", _other(WORLDS, declared)) for name, declared in worlds.items()
+        )
     if {"attitude", "rates"} <= raw.keys():  # by another instrument, as motion capture
-        own = log_map.frames(log_map.attitude)[1]
-        yield from ((("attitude.body", body),) for body in BODIES if body != own)
+        declared = log_map.frames(log_map.attitude)[1]
+        yield from ((("attitude.body", body),) for body in BODIES if body != declared)
     for name in raw:
         for options in _of_quantity(name, log_map):
             if "attitude" in raw or not {"kind", "axes"} & options.keys():  # else of the body alone
@@ -318,9 +322,9 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
     world, body = log_map.frames(source)
     axes = source.axes_of(name)
     if name == "acceleration":
-        own = (source.kind or "specific_force", axes)
+        declared = (source.kind or "specific_force", axes)
         kinds = itertools.product(("specific_force", "acceleration"), ("body", "world"))
-        yield from ({"kind": kind, "axes": a} for kind, a in kinds if (kind, a) != own)
+        yield from ({"kind": kind, "axes": a} for kind, a in kinds if (kind, a) != declared)
     turns = name == "attitude"
     euler = len(source.columns) == 3
     vector = name in VECTORS
@@ -332,7 +336,7 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
         ("body", BODIES, body, axes == "body" and vector and not turns),
         ("axes", ("world", "body"), axes, name in ("velocity", "rates")),
     )
-    yield from ({option: _other(words, own)} for option, words, own, has in pairs if has)
+    yield from ({option: _other(words, declared)} for option, words, declared, has in pairs if has)
     units = _UNITS.get(name, ())
     yield from ({"unit": unit} for unit in units if unit != (source.unit or units[0]))
     if name in ("acceleration", "thrust", "velocity"):
@@ -353,13 +357,13 @@ _UNITS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def _other(pair: tuple[str, ...], own: str) -> str:
-    return pair[1] if own == pair[0] else pair[0]
+def _other(pair: tuple[str, ...], word: str) -> str:
+    return pair[1] if word == pair[0] else pair[0]
 
 
 CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
 SPAN = 2.0  # over which a law is tested by itself [s]; own choice: four windows of a law
-EVERY = 0.1  # between two such tests [s]
+TEST_STEP = 0.1  # between two such tests [s]
 MOST_TESTS = 600  # of one part; own choice
 SHORTEST_STRETCH = 3.0  # that is taken of a part that does not fit as a whole [s]; own choice
 # misfit, that of no agreement, from which the end of a part is left out though the whole holds [1]
@@ -378,24 +382,26 @@ def fitting_stretch(
     t, raw = _checked_rows(signals)
     x = convert(raw, log_map)
     rows = round(SPAN * CHECK_RATE)
-    starts = range(0, len(t) - rows + 1, max(round(EVERY * CHECK_RATE), len(t) // MOST_TESTS))
+    starts = range(0, len(t) - rows + 1, max(round(TEST_STEP * CHECK_RATE), len(t) // MOST_TESTS))
     laws = {law for law in verdict.failed or verdict.misfits if not law.startswith("lift")}
     most = FAILS if verdict.failed else ENDS_BADLY
 
     def holds(k: int) -> bool:
-        own = misfits(t[k : k + rows], {name: values[k : k + rows] for name, values in x.items()})
-        return all(own.get(law, 0.0) <= most for law in laws)
+        of_window = misfits(
+            t[k : k + rows], {name: values[k : k + rows] for name, values in x.items()}
+        )
+        return all(of_window.get(law, 0.0) <= most for law in laws)
 
     good = np.array([holds(k) for k in starts])
     edges = stretches(good)
     if not len(edges) or good.all():
         return None
     first, after = edges[np.argmax(edges[:, 1] - edges[:, 0])]
-    whole = after == len(good)
-    if not verdict.failed and (first > 0 or whole or good[after:].any()):
+    to_the_end = after == len(good)
+    if not verdict.failed and (first > 0 or to_the_end or good[after:].any()):
         return None
     start = t[starts[first]]
-    stop = t[-1] if whole else t[starts[after - 1] + rows - 1] - WINDOW
+    stop = t[-1] if to_the_end else t[starts[after - 1] + rows - 1] - WINDOW
     return (float(start), float(stop)) if stop - start >= SHORTEST_STRETCH else None
 
 

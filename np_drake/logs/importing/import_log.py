@@ -67,13 +67,13 @@ def lacking(contents: Contents) -> str:
     here = [field for field in ("t", "p", "q", "v", "w", "a") if names.issuperset(COLUMNS[field])]
     missing = " ".join(name for name in COLUMNS["q"] if name not in names)
     p, v, a = (f"{LOOKS[field][0]} ({' '.join(COLUMNS[field])})" for field in "pva")
-    told = {
+    needed = {
         f"{LOOKS['t'][0]} (t)": "t",
         f"{LOOKS['q'][0]} ({missing}, or Euler angles by a map), or gyro and accelerometer "
         f"({' '.join((*COLUMNS['w'], *FORCE))})": "q",
         f"{p}, {v} or {a}": "pva",
     }
-    return "; ".join(what for what, any_of in told.items() if not {*any_of} & {*here} and here)
+    return "; ".join(what for what, any_of in needed.items() if not {*any_of} & {*here} and here)
 
 
 def looks(contents: Contents, fields: str) -> str:
@@ -88,14 +88,14 @@ def looks(contents: Contents, fields: str) -> str:
         for stream, columns in contents.items()
         for name in columns
     ]
-    found = {
+    alike_by_field = {
         LOOKS[field][0]: looking_like(names, field)
         for field in fields
         if not set(COLUMNS[field]) <= set(names)
     }
-    said = [f"{what}: {shorten(alike)}" for what, alike in found.items() if alike]
+    similar = [f"{what}: {shorten(alike)}" for what, alike in alike_by_field.items() if alike]
     cut = f" And {CUT}; copy it again." if getattr(contents, "cut", False) else ""
-    return (f" Columns that look like {'; '.join(said)}." if said else "") + cut
+    return (f" Columns that look like {'; '.join(similar)}." if similar else "") + cut
 
 
 Parts = tuple[LogMap, list[Part], list[Finding]]  # map, what was made of every part
@@ -123,24 +123,24 @@ def in_the_likely_unit(
     Raises: LogError: that of both readings, or one that asks for the unit where neither range nor
         lift tells.
     """
-    found: dict[str, Parts] = {}
+    by_unit: dict[str, Parts] = {}
     failure: LogError | None = None
     for unit in _in_range(np.concatenate([signals["throttle"].values for signals in parts])):
         try:
-            found[unit] = imported(
+            by_unit[unit] = imported(
                 parts, dc.replace(log_map, throttle=dc.replace(log_map.throttle, unit=unit))
             )
         except LogError as error:
             failure = failure or error
     flown = {
         unit: logs
-        for unit, (_, made, _) in found.items()
+        for unit, (_, made, _) in by_unit.items()
         if (logs := [log for part in made if part.carried for log in part.flights])
     }
-    if failure is not None and not found:
+    if failure is not None and not by_unit:
         raise failure
     if not flown:
-        return next(iter(found.values()))
+        return next(iter(by_unit.values()))
     unit, why = (
         _by_the_lift(flown)
         if len(flown) > 1
@@ -154,7 +154,7 @@ def in_the_likely_unit(
         f"throttle: {{unit: dshot}} in a map.",
         LogError,
     )
-    log_map, made, findings = found[unit]
+    log_map, made, findings = by_unit[unit]
     if unit != "us":
         findings.append(Finding(Kind.INPUT, f"outputs are taken as {READ[unit]}", why))
     return log_map, made, findings
@@ -176,18 +176,18 @@ def _by_the_lift(flown: Mapping[str, Sequence[FlightLog]]) -> tuple[str, str]:
     the throttle.
     """
     able = {}
-    said = []
+    powers = []
     for unit, flights in flown.items():
         try:
             exponent, strength, loss = lift_fit(flights)
         except LogError:
             continue  # a throttle that carries nothing
-        said.append(f"thrust goes with the power {exponent:.2g} of {READ[unit]}")
+        powers.append(f"thrust goes with the power {exponent:.2g} of {READ[unit]}")
         if strength <= STRONGEST:
             able[unit] = loss
     ranked = sorted(able, key=lambda unit: able[unit])
-    told = len(able) == 1 or (len(able) > 1 and able[ranked[1]] - able[ranked[0]] > SURE)
-    return (ranked[0] if told else ""), ", ".join(said)
+    is_clear = len(able) == 1 or (len(able) > 1 and able[ranked[1]] - able[ranked[0]] > SURE)
+    return (ranked[0] if is_clear else ""), ", ".join(powers)
 
 
 def sheet_content(
@@ -212,8 +212,8 @@ def sheet_content(
             f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust"
         ),
         "columns": {
-            n: _described(n, own, log_map)
-            for n, own in longest.signals.items()
+            n: _described(n, signal, log_map)
+            for n, signal in longest.signals.items()
             if getattr(log_map, n)
         },
         "conventions": _conventions_text(longest.verdict),
@@ -316,19 +316,22 @@ def import_log(
     WrongConventions, one of these, if it does not agree with its conventions; OSError: if it cannot
     be opened.
     """
-    known, contents, found, motors = _map_for(Path(path), log_map)
+    known, contents, named_map, motors = _map_for(Path(path), log_map)
     # Of a log that an import wrote, without its position.
-    beside = read_sheet(path) if log_map is None else Sheet()
+    sheet_there = read_sheet(path) if log_map is None else Sheet()
     try:
         log_map = dc.replace(
-            found, rate=rate or found.rate, start=start or found.start, stop=stop or found.stop
+            named_map,
+            rate=rate or named_map.rate,
+            start=start or named_map.start,
+            stop=stop or named_map.stop,
         ).check()
     except ValueError as error:
         raise LogError(f"{path}: {error}") from None
     require_a_flight(log_map, f"{path}", lambda fields: known.advice + looks(contents, fields))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
-    names = _rotor_names(log_map, motors.names or beside.motors)
+    names = _rotor_names(log_map, motors.names or sheet_there.motors)
     signals, of_signals, origin = _signals_of_parts(recording, log_map, str(path), names)
     how = partial(imported_parts, path=str(path), origin=origin, adopt=adopt)
     log_map, parts, of_parts = (
@@ -343,14 +346,14 @@ def import_log(
         f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.",
         LogError,
     )
-    timing = max(beside.timing, *(part.timing for part in parts))
-    layout = motors.layout or beside.rotors
+    timing = max(sheet_there.timing, *(part.timing for part in parts))
+    layout = motors.layout or sheet_there.rotors
     for number, flight in enumerate(flights, start=1):
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
         flight.timing = timing
         flight.layout = layout
         flight.motors = names
-        flight.start += beside.start
+        flight.start += sheet_there.start
     end = flights[-1].start + flights[-1].t[-1]
     other = getattr(contents, "other", "")
     text = f"{other}; its wings, servos and other rotors are not known"
@@ -406,22 +409,24 @@ def _map_for(
         "(--map FILE) reads it all the same.",
         LogError,
     )
-    own = None
+    by_names = None
     motors = Motors()
-    whole = isinstance(log_map, MapFile) and "position" in log_map.named
+    is_complete = isinstance(log_map, MapFile) and "position" in log_map.named
     try:
-        if given is None or (isinstance(log_map, MapFile) and not (other and whole)):
-            own, motors = _by_own_names(known, contents, given)
-        found = log_map.over(own) if isinstance(log_map, MapFile) else log_map or own
-        if own is not None and found is not None:
-            motors = _motors_of(motors, found)
-            told = isinstance(log_map, MapFile) and "unit" in log_map.named.get("throttle", ())
+        if given is None or (isinstance(log_map, MapFile) and not (other and is_complete)):
+            by_names, motors = _by_own_names(known, contents, given)
+        chosen = log_map.over(by_names) if isinstance(log_map, MapFile) else log_map or by_names
+        if by_names is not None and chosen is not None:
+            motors = _motors_of(motors, chosen)
+            states_unit = isinstance(log_map, MapFile) and "unit" in log_map.named.get(
+                "throttle", ()
+            )
             motors = dc.replace(
-                motors, unit=motors.unit or told or found.throttle != motors.throttle
+                motors, unit=motors.unit or states_unit or chosen.throttle != motors.throttle
             )
     except ValueError as error:
         raise error if isinstance(error, LogError) else LogError(f"{path}: {error}") from None
-    if found is None:
+    if chosen is None:
         if lacks := lacking(contents):
             raise LogError(
                 f"{path}: the names of its columns must tell what they hold; none tells "
@@ -432,7 +437,7 @@ def _map_for(
             f"{path}: the names of this log ({known.title}) do not tell what its columns "
             f"hold. {GIVE_MAP}.{looks(contents, 'qpvwau') or f' It has {names[:200]} …'}"
         )
-    return known, contents, found.check(), motors
+    return known, contents, chosen.check(), motors
 
 
 def _by_own_names(
@@ -444,8 +449,8 @@ def _by_own_names(
     Raises: ValueError: as `default_map` of the format, where no map file names them.
     """
     try:
-        own = known.default_map(contents)
-        return own, known.motors(contents) if own is not None else Motors()
+        log_map = known.default_map(contents)
+        return log_map, known.motors(contents) if log_map is not None else Motors()
     except ValueError:
         sources = (given.thrust, given.throttle, given.rotor_speed) if given else ()
         named = {re.split(r"[./]", c)[0] for source in sources for c in source.columns}
@@ -460,11 +465,11 @@ def _motors_of(motors: Motors, log_map: LogMap) -> Motors:
     them.
     """
     pairs = ((log_map.throttle, motors.throttle), (log_map.rotor_speed, motors.rotor_speed))
-    own = all(
+    as_stated = all(
         not used or len(used.columns) == 1 or used.columns == stated.columns
         for used, stated in pairs
     )
-    return motors if own else Motors()
+    return motors if as_stated else Motors()
 
 
 def _signals_of_parts(
@@ -507,10 +512,10 @@ def _ends(signals: Signals, log_map: LogMap, motors: Sequence[str]) -> list[Stat
         motors: names of the rotors.
     """
     speeds = signals.get("rotor_speed")
-    found = stopped_rotor(speeds) if speeds is not None else None
-    if found is None:
+    stopped = stopped_rotor(speeds) if speeds is not None else None
+    if stopped is None:
         return []
-    t, number = found
+    t, number = stopped
     rates = signals["rates"] if "rates" in signals else in_frames(signals, log_map, [])["rates"]
     turns = np.abs(convert_quantity("rates", rates.between(t, np.inf).values, log_map))
     tumbles = turns.max(initial=0.0) > TUMBLES

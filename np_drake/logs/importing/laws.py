@@ -106,25 +106,25 @@ def misfits(t: np.ndarray, x: Mapping[str, np.ndarray], *, everything: bool = Fa
     return out
 
 
-def failing(own: Misfits) -> list[str]:
+def failing(by_law: Misfits) -> list[str]:
     """Return the laws that do not hold."""
-    return [law for law, misfit in own.items() if misfit > FAILS]
+    return [law for law, misfit in by_law.items() if misfit > FAILS]
 
 
-def told_by_noise(own: Misfits) -> list[str]:
+def told_by_noise(by_law: Misfits) -> list[str]:
     """Return the laws that fail about one axis alone, where the others agree or move too little.
 
     Noise and drift of that axis' sensor explain it: it tells nothing. A law of the opposite sign is
     none of these.
     """
-    found = []
+    laws = []
     for kind in KINEMATIC:
-        axes = {law: misfit for law, misfit in own.items() if law.split()[0] == kind}
+        axes = {law: misfit for law, misfit in by_law.items() if law.split()[0] == kind}
         ranked = sorted(axes, key=lambda law: -axes[law])
         others = [axes[law] for law in ranked[1:]]
         if ranked and FAILS < axes[ranked[0]] < OPPOSED and max(others, default=0.0) < AGREES:
-            found.append(ranked[0])
-    return found
+            laws.append(ranked[0])
+    return laws
 
 
 def never_tilts(t: np.ndarray, x: Mapping[str, np.ndarray]) -> tuple[float, float] | None:
@@ -206,10 +206,10 @@ def _lift(over: Windows, everything: bool, v: np.ndarray, q: np.ndarray) -> Misf
     return out | _compared("lift", a[:, :2], model - drag * speed, everything)
 
 
-def _compared(law: str, left: np.ndarray, right: np.ndarray, everything: bool) -> Misfits:
+def _compared(law: str, change: np.ndarray, right: np.ndarray, everything: bool) -> Misfits:
     out = {}
-    for i in range(left.shape[1]):
-        a = left[:, i] - left[:, i].mean()
+    for i in range(change.shape[1]):
+        a = change[:, i] - change[:, i].mean()
         b = right[:, i] - right[:, i].mean()
         size = max(_rms(a), _rms(b))
         if size > LEAST[law] or everything:
@@ -297,7 +297,7 @@ def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) ->
 
 
 def _compare(
-    path: object, left: str, right: str, change: np.ndarray, sum_: np.ndarray, kind: str
+    path: object, column: str, right: str, change: np.ndarray, sum_: np.ndarray, kind: str
 ) -> None:
     """Check that a quantity changes as the integral of its rate: axis by axis, where it moves
     enough, not as the opposite, in size too, and on the whole in unit and frame.
@@ -308,11 +308,11 @@ def _compare(
         size = float(np.std(c))
         if size > SIGN * LEAST_SPREAD[kind] and np.std(c + s) < AGAINST * size:
             rated = {"rates": "body rates"}.get(kind, kind)
-            column = f"{right[:-1]}{'xyz'[i]}"
+            rate_column = f"{right[:-1]}{'xyz'[i]}"
             raise LogError(
-                f"{place(path, column=column)}: must be the rate of {rated}; over {WINDOW} "
+                f"{place(path, column=rate_column)}: must be the rate of {rated}; over {WINDOW} "
                 f"s it goes the opposite way. "
-                f"Turn its sign, or that of {left[:-1]}{'xyz'[i]}; W has z up."
+                f"Turn its sign, or that of {column[:-1]}{'xyz'[i]}; W has z up."
             )
     a = _spread(change)
     b = _spread(sum_)
@@ -321,8 +321,8 @@ def _compare(
     if min(a, b) > STILL * max(a, b) and _likeness(change, sum_) < ALIKE:
         return  # a sensor's bias that turns with the body, say
     raise LogError(
-        f"{place(path, column=left)}: {kind} and its rate ({right} …) must agree; over "
-        f"{WINDOW} s {left} … "
+        f"{place(path, column=column)}: {kind} and its rate ({right} …) must agree; over "
+        f"{WINDOW} s {column} … "
         f"changes {a:.2g}, the integral of {right} … {b:.2g}. One of them is not in SI units "
         "(m, m/s, rad/s, m/s²), or not in its frame."
     )
@@ -341,15 +341,15 @@ def _check_convention(q: np.ndarray, turned: np.ndarray, over: Windows, path: ob
     """Check that no other convention of the quaternion agrees with body rates where its own does
     not.
     """
-    own = _spread(over.turn(q) - turned)
-    if own < 0.5 * max(_spread(turned), LEAST_SPREAD["attitude"]):
+    misfit = _spread(over.turn(q) - turned)
+    if misfit < 0.5 * max(_spread(turned), LEAST_SPREAD["attitude"]):
         return
     for convention, other in (
         ("in the order x, y, z, w", np.roll(q, 1, axis=1)),
         ("from W to body", q * [1.0, -1.0, -1.0, -1.0]),
     ):
         require(
-            RATIO * _spread(over.turn(other) - turned) >= own,
+            RATIO * _spread(over.turn(other) - turned) >= misfit,
             f"{place(path, column='qw')}: the quaternion must be w, x, y, z from body "
             f"to W; turned by body rates "
             f"it fits {convention}. Write it in this convention.",

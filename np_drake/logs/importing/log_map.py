@@ -224,20 +224,20 @@ class MapFile:
     values: LogMap
     named: Mapping[str, tuple[str, ...]]
 
-    def over(self, own: LogMap | None) -> LogMap:
+    def over(self, log_map: LogMap | None) -> LogMap:
         """Return the map of a log: a file without a position amends what the format's own names
         tell (`own`).
         """
-        if own is None or "position" in self.named:
+        if log_map is None or "position" in self.named:
             return self.values
         for name, options in self.named.items():
             value = getattr(self.values, name)
             if options and not value.columns:  # options of columns that the format names
                 value = dc.replace(
-                    getattr(own, name), **{option: getattr(value, option) for option in options}
+                    getattr(log_map, name), **{option: getattr(value, option) for option in options}
                 )
-            own = dc.replace(own, **{name: value})
-        return own
+            log_map = dc.replace(log_map, **{name: value})
+        return log_map
 
 
 def load_map_file(name: str | Path) -> MapFile:
@@ -391,8 +391,8 @@ def _turned(name: str, values: np.ndarray, q: np.ndarray | None, log_map: LogMap
     source = getattr(log_map, name)
     world, body = log_map.frames(source)
     axes = source.axes_of(name)
-    own = _turn(world) if axes == "world" else _turn(body, log_map.board_turn)
-    values = values @ own[0].T
+    frame = _turn(world) if axes == "world" else _turn(body, log_map.board_turn)
+    values = values @ frame[0].T
     if source.is_turned(name) and q is not None:
         values = attitude.rotate(q, values) if axes == "body" else attitude.rotate_back(q, values)
     if name == "acceleration" and source.kind != "acceleration":

@@ -202,8 +202,8 @@ def no_flight(signals: Signals, log_map: LogMap) -> str:
     A vehicle that is carried by hand moves while its motors stand or idle: what holds a vehicle in
     the air never rests.
     """
-    told = next(name for name in ("position", "velocity", "acceleration") if name in signals)
-    if not np.ptp(signals[told].values[:, :2], axis=0).any():
+    moving = next(name for name in ("position", "velocity", "acceleration") if name in signals)
+    if not np.ptp(signals[moving].values[:, :2], axis=0).any():
         return "position stays"
     for name, least in IDLE.items():
         if name in signals:
@@ -305,17 +305,19 @@ def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
 def _timing(signals: Signals, log_map: LogMap) -> float:
     """Return the deviation of the time at which a row's command acts [s]; 0 without a command."""
     commands = [signals[name] for name in COMMANDS if name in signals]
-    step = max((own.step for own in commands), default=0.0)
-    ticks = max(own.tick for own in signals.values()) * TICK
+    step = max((signal.step for signal in commands), default=0.0)
+    ticks = max(signal.tick for signal in signals.values()) * TICK
     if "rotor_speed" in signals and not step:
-        own = signals["rotor_speed"]
-        slow = own.renewal > FASTER * signals["attitude"].step
-        return max(ticks, UNCERTAIN["sampled"] * own.renewal * slow)
+        signal = signals["rotor_speed"]
+        slow = signal.renewal > FASTER * signals["attitude"].step
+        return max(ticks, UNCERTAIN["sampled"] * signal.renewal * slow)
     a = signals.get("acceleration")
     if log_map.command == "averaged" and (a is None or FASTER * a.step <= step):
         return ticks
     return max(
-        ticks, *(UNCERTAIN[command_meaning(own, log_map)] * own.step for own in commands), 0.0
+        ticks,
+        *(UNCERTAIN[command_meaning(signal, log_map)] * signal.step for signal in commands),
+        0.0,
     )
 
 
@@ -391,14 +393,16 @@ def _fitting(
     if stretch := fitting_stretch(signals, log_map, verdict) if disturbed else None:
         start, stop = stretch
         part, _ = within(signals, start, stop)
-        own = judged(part, log_map, path)
-        kinds, tested = ({law.split()[0] for law in laws} for laws in (verdict.failed, own.misfits))
-        if not own.failed and kinds <= tested:
+        of_part = judged(part, log_map, path)
+        kinds, tested = (
+            {law.split()[0] for law in laws} for laws in (verdict.failed, of_part.misfits)
+        )
+        if not of_part.failed and kinds <= tested:
             since = f"from {start - origin:.1f} " if start > clock_of(signals).t[0] + WINDOW else ""
-            whole = ", ".join(verdict.failed[:3]) or "its quantities"
-            where = f"fits {since}until {stop - origin:.1f} s; beyond, {whole} do not agree"
+            laws_text = ", ".join(verdict.failed[:3]) or "its quantities"
+            where = f"fits {since}until {stop - origin:.1f} s; beyond, {laws_text} do not agree"
             findings = [Finding(Kind.STRETCH, where, "left out")]
             signals = part
-            verdict = own
+            verdict = of_part
     log_map, verdict = agreed(verdict, signals, log_map, path, adopt=adopt)
     return log_map, (signals, log_map, verdict), findings

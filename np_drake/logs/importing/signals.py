@@ -175,7 +175,7 @@ class Signal:
             return self.linear(at)
         return (self.integral(at + 0.5 * width) - self.integral(at - 0.5 * width)) / width
 
-    def held(self, at: np.ndarray) -> np.ndarray:
+    def stepwise(self, at: np.ndarray) -> np.ndarray:
         """Return the mean of a held command over each interval between the times, (m, k).
 
         Each row is held from its time until the next; the first also before, the last also after.
@@ -264,12 +264,12 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[Finding
                 text = f"only {len(signal.t)} samples; left out"
                 findings.append(Finding(_omission(name), name, text))
                 continue
-            left = f" ({reasons})" if reasons else ""
-            left += "; print its times with all digits" if "time" in reasons else ""
+            why = f" ({reasons})" if reasons else ""
+            why += "; print its times with all digits" if "time" in reasons else ""
             raise LogError(
                 f"{recording.path}, {name}: must have at least {LEAST_ROWS} samples; got "
                 f"{len(signal.t)} in "
-                f"{', '.join(source.columns)}{left}."
+                f"{', '.join(source.columns)}{why}."
             )
         signals[name] = signal
     if "rotor_speed" in signals:
@@ -296,12 +296,14 @@ def _assembled(recording: Recording, source: Source) -> Signal:
     t = recording.streams[places[0][0]].t
     columns = []
     for stream, column in places:
-        own = recording.streams[stream]
-        values = np.asarray(own.columns[column], float)
+        source_stream = recording.streams[stream]
+        values = np.asarray(source_stream.columns[column], float)
         if stream != places[0][0]:
-            order = np.argsort(own.t, kind="stable")
+            order = np.argsort(source_stream.t, kind="stable")
             values = (
-                np.interp(t, own.t[order], values[order]) if len(own) else np.full(len(t), np.nan)
+                np.interp(t, source_stream.t[order], values[order])
+                if len(source_stream)
+                else np.full(len(t), np.nan)
             )
         columns.append(values)
     return Signal(np.asarray(t, float) - (source.late or 0.0), np.stack(columns, axis=1))
@@ -366,13 +368,13 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
     for name, source in log_map.sources():
         declared = source.unit or next(iter(UNITS[name]))
         for column in source.columns:
-            _, own = find_column(recording.contents, column, recording.path)
-            stated = recording.units.get(own, declared)
+            _, own_name = find_column(recording.contents, column, recording.path)
+            stated = recording.units.get(own_name, declared)
             # A scale may be that of the unit, or a gain in the unit that the file states.
             factors = np.multiply(UNITS[name][declared], [1.0, abs(source.scale)])
             require(
                 stated not in UNITS[name] or np.isclose(UNITS[name][stated], factors).any(),
-                f"{place(recording.path, column=own)}: is in {stated} by the file, in "
+                f"{place(recording.path, column=own_name)}: is in {stated} by the file, in "
                 f"{declared} by the map; "
                 f"write {name}: {{unit: {stated}}}, without a scale, in the map.",
                 LogError,
@@ -393,7 +395,7 @@ CLOCK_SET = 1e6  # interval, beyond which the clock was set [s]
 FEWEST = 0.2  # share of samples of one time from which it is the clock's tick [1]; own choice
 LONG_TICK = 5e-3  # beyond which a tick stands against an answer [s]; own choice: of a motor's lag
 # commands that are known between their rows, however slow
-HELD = "held_after", "held_before", "averaged"
+STATED_TIMINGS = "held_after", "held_before", "averaged"
 COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
 
 
@@ -402,16 +404,16 @@ def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) ->
     throttle or thrust takes their place. Return the finding on it, or none.
     Raises: LogError: if too few are left, and nothing takes their place.
     """
-    own = signals["rotor_speed"]
+    speeds = signals["rotor_speed"]
     level = None
     name = next((name for name in ("thrust", "throttle") if name in signals), "")
     if name:
         level = np.interp(
-            own.t,
+            speeds.t,
             signals[name].t,
             np.abs(convert_quantity(name, signals[name].values, log_map).mean(axis=1)),
         )
-    found, bridged, lost = without_zeros(own, level)
+    mended, bridged, lost = without_zeros(speeds, level)
     rows = lost.any(axis=1)
     if name and rows.mean() > MOST_MISSING:
         del signals["rotor_speed"]
@@ -423,7 +425,7 @@ def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) ->
         "the rows. Log throttle as well.",
         LogError,
     )
-    signals["rotor_speed"] = dc.replace(own, t=own.t[~rows], values=found[~rows])
+    signals["rotor_speed"] = dc.replace(speeds, t=speeds.t[~rows], values=mended[~rows])
     counts = ", ".join(
         f"{count} {what}"
         for what, count in {"readings bridged": bridged.sum(), "rows left out": rows.sum()}.items()
@@ -434,7 +436,7 @@ def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) ->
 
 
 def without_zeros(
-    own: Signal, level: np.ndarray | None = None
+    speeds: Signal, level: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return rotor speeds (n, k) with those interpolated that no rotor has, and which (n, k) were
     missing shortly, and which for long.
@@ -446,7 +448,7 @@ def without_zeros(
     Args:
         level: (n,) throttle or thrust, in any unit.
     """
-    values = own.values.copy()
+    values = speeds.values.copy()
     bridged, lost = np.zeros((2, *values.shape), bool)
     share, carried = _shares(values)
     flies = np.max(share, axis=1) > CARRIES
@@ -459,9 +461,9 @@ def without_zeros(
             if min(around, default=np.inf) < STOPS * usual:  # it slows down
                 continue
             inside = len(around) == 2
-            before = own.t[max(start - 1, 0)]
-            after = own.t[min(stop, len(column) - 1)]
-            brief = after - before <= max(LONGEST_ZERO, 2.5 * own.step)
+            before = speeds.t[max(start - 1, 0)]
+            after = speeds.t[min(stop, len(column) - 1)]
+            brief = after - before <= max(LONGEST_ZERO, 2.5 * speeds.step)
             may_stop = stop == len(column) and start > 0 and carried[start:].any()
             short[start:stop] = brief and inside
             long[start:stop] = (
@@ -471,28 +473,28 @@ def without_zeros(
             )
         good = ~(short | long)
         if good.any():
-            column[~good] = np.interp(own.t[~good], own.t[good], column[good])
+            column[~good] = np.interp(speeds.t[~good], speeds.t[good], column[good])
     return values, bridged, lost
 
 
-def stopped_rotor(own: Signal) -> tuple[float, int] | None:
+def stopped_rotor(speeds: Signal) -> tuple[float, int] | None:
     """Return since when [s] which rotor, from 1, stands to the end while the others carry; None:
     none does.
 
     Args:
         own: rotor speeds, in any unit.
     """
-    share, carried = _shares(own.values)
+    share, carried = _shares(speeds.values)
     if not carried.any():
         return None
     stop = int(np.flatnonzero(carried)[-1]) + 1
-    found = []
+    stops = []
     for number, column in enumerate(share[:stop].T, start=1):
         first = int(np.max(np.flatnonzero(column > STOPS), initial=-1)) + 1
         turning = np.flatnonzero(column[:first] > CARRIES)
-        if len(turning) and own.t[stop - 1] - own.t[min(first, stop - 1)] > LONGEST_ZERO:
-            found.append((float(own.t[turning[-1]]), number))
-    return min(found, default=None)
+        if len(turning) and speeds.t[stop - 1] - speeds.t[min(first, stop - 1)] > LONGEST_ZERO:
+            stops.append((float(speeds.t[turning[-1]]), number))
+    return min(stops, default=None)
 
 
 def _shares(speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -546,12 +548,12 @@ def usable_inputs(signals: Signals, log_map: LogMap) -> tuple[dict[str, Signal],
     return out, findings
 
 
-def is_slow(name: str, own: Signal, log_map: LogMap) -> bool:
+def is_slow(name: str, signal: Signal, log_map: LogMap) -> bool:
     """Return whether an input of several columns is slower than what turns the vehicle, and not
     known between its rows.
     """
     return (
-        own.values.shape[1] > 1
-        and 1 / own.renewal < SLOWEST_ROTORS
-        and (name == "rotor_speed" or log_map.command not in HELD)
+        signal.values.shape[1] > 1
+        and 1 / signal.renewal < SLOWEST_ROTORS
+        and (name == "rotor_speed" or log_map.command not in STATED_TIMINGS)
     )

@@ -8,6 +8,7 @@ import pytest
 
 from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.doctor.flight_facts import flight_facts, law_findings
+from np_drake.finding import Kind
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 
@@ -22,7 +23,7 @@ def test_conventions_that_contradict_each_other_fail(log):
         dc.replace(log, q=log.q * [1.0, -1.0, -1.0, -1.0]),
     ):
         (dut,) = (doubt for doubt in law_findings(wrong) if "contradict" in doubt.text)
-        assert dut.fails
+        assert dut.kind is Kind.CONTRADICTION
     assert not examine([wrong], Vehicle()).usable
 
 

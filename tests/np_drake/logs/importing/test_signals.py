@@ -138,7 +138,7 @@ def test_the_mean_of_a_line_is_its_middle_and_that_of_a_wave_is_less():
 
 def test_held_commands_average_by_the_time_that_each_is_held():
     t, x = np.array([0.0, 0.3, 0.4, 1.0]), np.array([[1.0], [5.0], [-2.0], [7.0]])
-    dut = Signal(t, x).held(np.array([0.0, 0.5, 1.0, 2.0]))
+    dut = Signal(t, x).stepwise(np.array([0.0, 0.5, 1.0, 2.0]))
     assert np.allclose(dut[:, 0], [(0.3 * 1 + 0.1 * 5 - 0.1 * 2) / 0.5, -2.0, 7.0, 7.0], atol=EXACT)
 
 
@@ -146,7 +146,7 @@ def test_held_commands_average_by_the_time_that_each_is_held():
 def test_commands_at_their_own_rows_are_kept_to_the_bit(steps, seed):
     t = np.cumsum(steps)
     x = np.random.default_rng(seed).normal(size=(len(t), 4))
-    assert np.array_equal(Signal(t, x).held(t), x)
+    assert np.array_equal(Signal(t, x).stepwise(t), x)
 
 
 @given(st.lists(st.floats(1e-3, 0.5), min_size=2, max_size=20), st.integers(0, 2**31))
@@ -154,7 +154,7 @@ def test_holding_loses_no_impulse(steps, seed):
     t = np.cumsum(steps)
     x = np.random.default_rng(seed).normal(size=(len(t), 2))
     rows = np.linspace(t[0], t[-1], 7)
-    mean = Signal(t, x).held(rows)
+    mean = Signal(t, x).stepwise(rows)
     given_ = np.sum(x[:-1] * np.diff(t)[:, None], axis=0)
     assert np.allclose(np.sum(mean[:-1] * np.diff(rows)[:, None], axis=0), given_, atol=1e-9)
 
