@@ -57,53 +57,18 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     findings: list[Finding] = []
     t, width = _rows(signals, log_map, path)
     x = in_frames(signals, log_map, findings)
-    q = x["attitude"]
-    rates = x["rates"]
-    p = x["position"]
-    v = x["velocity"]
-    a = x.get("acceleration")
-    inertial = a is not None and "rates" in signals
-    out = {"attitude": q.turned(rates, t), "rates": rates.averaged(t, width)}
-    out["velocity"] = v.linear(t)
-    if a is not None:
-        out["velocity"] = np.where(
-            v.within_wide(a, v.before(t)), v.integrated(a, t), out["velocity"]
-        )
-    # Between samples a cubic that has their velocities.
-    between = scipy.interpolate.CubicHermiteSpline(p.t, p.values, v.linear(p.t))
-    out["position"] = p.values if np.array_equal(p.t, t) else between(np.clip(t, p.t[0], p.t[-1]))
-    if inertial:
-        gap = (np.diff(p.t) > GAP * p.step)[p.before(t)][:, None]
-        out["position"] = np.where(
-            gap, p.integrated(Signal(t, out["velocity"]), t), out["position"]
-        )
-    if a is not None and np.array_equal(a.t, t):
-        out["acceleration"] = a.values
-    elif a is not None:
-        specific = Signal(a.t, attitude.rotate_back(q.turned(rates, a.t), a.values + G))
-        out["acceleration"] = (
-            attitude.rotate(out["attitude"], _averaged_after(specific, t, width)) - G
-        )
-    if "angular_acceleration" in signals:
-        out["angular_acceleration"] = _averaged_after(x["angular_acceleration"], t, width)
+    inertial = {"acceleration", "rates"} <= signals.keys()
+    out = _state_at(t, width, x, inertial=inertial)
+    out |= _accelerations_at(t, width, x, out["attitude"])
     for name in (n for n in ("rotor_speed", *OPTIONAL) if n in signals):
-        signal = x[name]
-        steps = name == "commanded_rates" or (
-            name == "rotor_speed" and width > 0 and signal.renewal > FASTER * width
-        )
-        if (
-            name == "rotor_speed" and signal.renewal * SLOWEST_ROTORS > 1
-        ):  # of which the collective alone is taken
-            out[name] = signal.renewed.linear(t)
-        else:
-            out[name] = signal.stepwise(t) if steps else signal.averaged(t, width)
+        out[name] = _reading_at(t, width, name, x[name])
     out |= {
         name: _command(x[name], command_meaning(signals[name], log_map), t)
         for name in COMMANDS
         if name in signals
     }
     # A position is a cubic that has its velocities: a line bridges it where it bridges these.
-    x["position"] = Signal(p.t, v.linear(p.t))
+    x["position"] = Signal(x["position"].t, x["velocity"].linear(x["position"].t))
     filled, torn = np.zeros((2, len(t)), bool)
     for name in (n for n in (*STATE, *COMMANDS, "rotor_speed") if n in signals):
         signal = x[name]
@@ -116,6 +81,59 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
             filled[inside] = True
             torn[inside] |= is_torn[k]
     return Aligned(t, out, filled, tuple(findings), torn)
+
+
+def _state_at(t: np.ndarray, width: float, x: Signals, *, inertial: bool) -> dict[str, np.ndarray]:
+    """Return attitude, rates, velocity and position at t (n,) [s].
+
+    Args:
+        width: over which readings are averaged [s].
+        x: signals in our frames.
+        inertial: whether a gyro and an accelerometer bridge gaps of the position.
+    """
+    q = x["attitude"]
+    rates = x["rates"]
+    p = x["position"]
+    v = x["velocity"]
+    out = {"attitude": q.turned(rates, t), "rates": rates.averaged(t, width)}
+    out["velocity"] = v.linear(t)
+    if a := x.get("acceleration"):
+        dense = v.within_wide(a, v.before(t))
+        out["velocity"] = np.where(dense, v.integrated(a, t), out["velocity"])
+    # Between samples a cubic that has their velocities.
+    between = scipy.interpolate.CubicHermiteSpline(p.t, p.values, v.linear(p.t))
+    out["position"] = p.values if np.array_equal(p.t, t) else between(np.clip(t, p.t[0], p.t[-1]))
+    if inertial:
+        gap = (np.diff(p.t) > GAP * p.step)[p.before(t)][:, None]
+        integral = p.integrated(Signal(t, out["velocity"]), t)
+        out["position"] = np.where(gap, integral, out["position"])
+    return out
+
+
+def _accelerations_at(
+    t: np.ndarray, width: float, x: Signals, q: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return the accelerations that a log has at t (n,) [s], with attitude q (n, 4)."""
+    out = {}
+    a = x.get("acceleration")
+    if a is not None and np.array_equal(a.t, t):
+        out["acceleration"] = a.values
+    elif a is not None:
+        turned = x["attitude"].turned(x["rates"], a.t)
+        specific = Signal(a.t, attitude.rotate_back(turned, a.values + G))
+        out["acceleration"] = attitude.rotate(q, _averaged_after(specific, t, width)) - G
+    if "angular_acceleration" in x:
+        out["angular_acceleration"] = _averaged_after(x["angular_acceleration"], t, width)
+    return out
+
+
+def _reading_at(t: np.ndarray, width: float, name: str, signal: Signal) -> np.ndarray:
+    """Return a reading that is no state (n, k) at t (n,) [s]."""
+    speed = name == "rotor_speed"
+    if speed and signal.renewal * SLOWEST_ROTORS > 1:  # of which the collective alone is taken
+        return signal.renewed.linear(t)
+    steps = name == "commanded_rates" or (speed and signal.renewal > FASTER * width > 0)
+    return signal.stepwise(t) if steps else signal.averaged(t, width)
 
 
 def _is_torn(signal: Signal) -> np.ndarray:

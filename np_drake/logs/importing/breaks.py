@@ -64,8 +64,30 @@ def without_frozen_poses(
 
     The first pose behind them may be an old one as well, and is left out with its repeats.
     """
-    if not {"attitude", "rates"} <= signals.keys():
+    frozen = _frozen_rows(signals, log_map)
+    if not frozen.any():
         return signals, [], []
+    out = dict(signals)
+    t = signals["attitude"].t
+    after = np.append(t, np.inf)
+    spans = [Break(float(t[a - 1]), float(after[b]), FROZEN) for a, b in stretches(frozen).tolist()]
+    for name in (n for n in POSE if n in signals):
+        signal = signals[name]
+        kept = np.ones(len(signal.t), bool)
+        for span in spans:
+            inside = (signal.t > span.before) & (signal.t < span.after)
+            repeats = np.all(np.diff(signal.values[inside], axis=0) == 0, axis=1)
+            kept[inside] = name != "attitude" and np.mean(repeats) <= 0.5
+        out[name] = dc.replace(signal, t=signal.t[kept], values=signal.values[kept])
+    seconds = sum(min(span.after, t[-1]) - span.before for span in spans)
+    text = f"{frozen.sum()} rows, {seconds:.3g} s in {len(spans)} stretches, left out"
+    return out, spans, [Finding(Kind.LEFT_OUT, FROZEN, text)]
+
+
+def _frozen_rows(signals: Signals, log_map: LogMap) -> np.ndarray:
+    """Return which rows (n,) of the attitude repeat while the gyro turns; none without a gyro."""
+    if not {"attitude", "rates"} <= signals.keys():
+        return np.zeros(0, bool)
     logged = signals["attitude"]
     x = in_frames(signals, log_map, [])
     t = logged.t
@@ -88,23 +110,7 @@ def without_frozen_poses(
     row = np.searchsorted(gyro.t, t, side="right") - 1
     frozen &= 2 * (moves[row[ends]] - moves[row[starts]]) > row[ends] - row[starts]
     pose = np.cumsum(new) - 1
-    gone = (frozen[pose] & ~new) | np.append(False, frozen[:-1])[pose]
-    if not gone.any():
-        return signals, [], []
-    out = dict(signals)
-    after = np.append(t, np.inf)
-    spans = [Break(float(t[a - 1]), float(after[b]), FROZEN) for a, b in stretches(gone).tolist()]
-    for name in (n for n in POSE if n in signals):
-        signal = signals[name]
-        kept = np.ones(len(signals[name].t), bool)
-        for span in spans:
-            inside = (signal.t > span.before) & (signal.t < span.after)
-            repeats = np.all(np.diff(signal.values[inside], axis=0) == 0, axis=1)
-            kept[inside] = name != "attitude" and np.mean(repeats) <= 0.5
-        out[name] = dc.replace(signal, t=signal.t[kept], values=signal.values[kept])
-    seconds = sum(min(span.after, t[-1]) - span.before for span in spans)
-    text = f"{gone.sum()} rows, {seconds:.3g} s in {len(spans)} stretches, left out"
-    return out, spans, [Finding(Kind.LEFT_OUT, FROZEN, text)]
+    return (frozen[pose] & ~new) | np.append(False, frozen[:-1])[pose]
 
 
 def find_breaks(

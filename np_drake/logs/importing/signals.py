@@ -232,18 +232,10 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[Finding
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
         if name == "voltage":
-            dead = convert_quantity(name, signal.values, log_map)[:, 0] < LEAST_VOLTAGE
-            most = dead.sum() > MOST_DEAD * len(dead)
-            if dead.any():
-                text = (
-                    f"{dead.sum()} of {len(dead)} readings are below {LEAST_VOLTAGE:g} V, on "
-                    f"which nothing flies (no power module, or another unit); "
-                    f"{'all' if most else 'these'} left out"
-                )
-                findings.append(Finding(Kind.LOST, name, text))
-            if most:
+            signal, dead = _without_dead_readings(signal, log_map)
+            findings += dead
+            if dead and not len(signal.t):
                 continue
-            signal = Signal(signal.t[~dead], signal.values[~dead])
         signal, reasons = _cleaned(
             signal, quaternion=name == "attitude" and len(source.columns) == 4
         )
@@ -281,6 +273,22 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[Finding
         text = f"{', '.join(names)}; taken as an uncertainty of time"
         findings.append(Finding(Kind.COARSE_CLOCK if coarse else Kind.DETAIL, where, text))
     return signals, findings
+
+
+def _without_dead_readings(signal: Signal, log_map: LogMap) -> tuple[Signal, list[Finding]]:
+    """Return a voltage without readings on which nothing flies, none of it where these are most,
+    and the finding on them.
+    """
+    dead = convert_quantity("voltage", signal.values, log_map)[:, 0] < LEAST_VOLTAGE
+    if not dead.any():
+        return signal, []
+    most = dead.sum() > MOST_DEAD * len(dead)
+    text = (
+        f"{dead.sum()} of {len(dead)} readings are below {LEAST_VOLTAGE:g} V, on which nothing "
+        f"flies (no power module, or another unit); {'all' if most else 'these'} left out"
+    )
+    kept = np.zeros_like(dead) if most else ~dead
+    return Signal(signal.t[kept], signal.values[kept]), [Finding(Kind.LOST, "voltage", text)]
 
 
 def _omission(name: str) -> Kind:
