@@ -12,7 +12,7 @@ from np_drake.finding import Kind
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.log_file import read, write_log
-from np_drake.logs.import_sheet import write_sheet
+from np_drake.logs.import_sheet import sheet_path, write_sheet
 from np_drake.logs.importing.signals import Signal, coarse_tick, stopped_rotor
 from tests.np_drake.logs.importing import autopilot_streams as autopilots
 
@@ -89,8 +89,11 @@ def test_clipping_that_a_log_counts_is_named_and_not_called_noise(flown, import_
     path = tmp_path / "flight.csv"
     write_log(found.flights[0], path)
     write_sheet(found.sheet, path)
-    (dut,) = read(path)
-    assert said in dut.notes
+    sheet = sheet_path(path).read_text()
+    for text in (sheet, sheet.replace("kinds:\n- clipping\n", "")):  # as older ones were
+        sheet_path(path).write_text(text)
+        (dut,) = read(path)
+        assert [(str(f), f.kind) for f in dut.findings] == [(said, Kind.CLIPPING)]
     assert not any("noise or drift" in finding.text for finding in law_findings(dut))
     whole = import_px4(outputs)
     assert not any("clips" in line for line in whole.shown)
