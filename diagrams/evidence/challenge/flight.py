@@ -147,9 +147,8 @@ def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadCon
     if payload.tether == "none":
         return payload
     reduced = payload.mass * vehicle.mass / (payload.mass + vehicle.mass)
-    stiffness = reduced * CABLE_RATE**2
     damping = 2 * CABLE_DAMPING * reduced * CABLE_RATE
-    return dc.replace(payload, stiffness=stiffness, damping=damping)
+    return dc.replace(payload, stiffness=reduced * CABLE_RATE**2, damping=damping)
 
 
 @dc.dataclass(frozen=True)

@@ -66,10 +66,8 @@ def test_single_effects_cycle_through_the_library():
 def test_joint_effects_act_at_different_places():
     for draw in SetRequest(cases=400, seed=1).draws():
         if draw.kind in ("pair", "triple"):
-            assert (
-                len({LIBRARY[name].place for name in draw.names})
-                == {"pair": 2, "triple": 3}[draw.kind]
-            )
+            places = {LIBRARY[name].place for name in draw.names}
+            assert len(places) == {"pair": 2, "triple": 3}[draw.kind]
             assert compatible(draw.names)
     assert not compatible(("mass_error", "thrust_scale"))
     assert not compatible(("command_delay", "clock_offset"))

@@ -25,9 +25,8 @@ def test_targets_of_a_turning_hover_turn():
     dut = Plan("hover", Hover([0, 0, 1.0]), Heading(start=0.5, rate=0.3))
     target = dut.targets(9.81, np.array([5.0]))[0]
     np.testing.assert_allclose(target[9:12], [0, 0, 0.3], atol=1e-5)
-    np.testing.assert_allclose(
-        target[12:15], 0.0, atol=1e-2
-    )  # [rad/s²]; a difference of differences
+    # [rad/s²]; a difference of differences
+    np.testing.assert_allclose(target[12:15], 0.0, atol=1e-2)
     assert target[15] == pytest.approx(0.5 + 0.3 * 4.5)
 
 

@@ -53,9 +53,8 @@ def test_real_noise_has_the_figures_drawn():
     assert log.al is None
     error = turn(log.q, still().q)
     assert rms(np.diff(error, axis=0)) / np.sqrt(2) == pytest.approx(sensors.attitude, rel=0.05)
-    assert rms(error) == pytest.approx(
-        np.hypot(sensors.attitude, sensors.wander), rel=0.2
-    )  # slow: few samples
+    size = np.hypot(sensors.attitude, sensors.wander)
+    assert rms(error) == pytest.approx(size, rel=0.2)  # slow: few samples
     assert rms(log.v) == pytest.approx(np.hypot(0.01, sensors.velocity_wander), rel=0.1)
     assert rms(log.w) == pytest.approx(np.hypot(0.01, sensors.rate_flicker), rel=0.1)
 
