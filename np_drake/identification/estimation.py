@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from np_drake.identification.model import FlightModel
-from np_drake.vehicle.published import published_priors
+from np_drake.vehicle.published import LogNormal, published_priors
 
 
 @dc.dataclass(frozen=True)
@@ -58,65 +58,45 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         spin: rotor speed in hover, or an estimate [rad/s].
         step: between rows of the logs [s].
     """
-    ln = np.log
     known = published_priors()
-    # Jxx of any vehicle, and Jyy over it, with the variance that both share.
     moment = known.inertia
-    yaw = known.inertia_yaw
-    zz = moment.mean + ln(1.0 + known.inertia_pitch.median) + yaw.mean
+    zz = moment.mean + np.log(1.0 + known.inertia_pitch.median) + known.inertia_yaw.mean
+    momentum = dc.replace(known.rotor_inertia, mean=known.rotor_inertia.mean - zz + np.log(spin))
+    imu = ("accelerometer",)
     return (
-        Parameter(
-            "scale", 0.0, 1.0, log=True
-        ),  # thrust over mass, over that which hovers on the mean input
+        # Thrust over mass, over that which hovers on the mean input.
+        Parameter("scale", 0.0, 1.0, log=True),
         # Gains of the rotors against each other: left to right, front to rear, by direction.
         *(Parameter(f"gain_{axis}", 0.0, 0.03) for axis in ("roll", "pitch", "yaw")),
         *(Parameter(f"com_{axis}", 0.0, 0.05) for axis in "xyz"),
-        Parameter("jxx", moment.mean, moment.deviation, log=True),
-        Parameter(
-            "jyy", known.inertia_pitch.mean, known.inertia_pitch.deviation, log=True
-        ),  # over jxx
-        Parameter(
-            "jzz", yaw.mean, yaw.deviation, log=True
-        ),  # over jxx + jyy, which a flat vehicle reaches
+        # Jxx of any vehicle; Jyy over it, with the variance that both share; Jzz over their sum,
+        # which a flat vehicle reaches.
+        _published("jxx", moment),
+        _published("jyy", known.inertia_pitch),
+        _published("jzz", known.inertia_yaw),
         # Products over the mean of jxx and jyy.
         *(Parameter(name, 0.0, 0.03) for name in ("jxy", "jxz", "jyz")),
         # Torque over thrust of a rotor, over its radius.
-        Parameter("torque", known.torque_lever.mean, known.torque_lever.deviation, log=True),
-        Parameter("lean_x", 0.0, 0.2),  # yaw of motors that lean, over their torque
-        Parameter("lean_y", 0.0, 0.2),
+        _published("torque", known.torque_lever),
+        # Yaw of motors that lean, over their torque.
+        *(Parameter(f"lean_{axis}", 0.0, 0.2) for axis in "xy"),
         # Angular momentum of a rotor in hover, over jzz [rad/s].
-        Parameter(
-            "rotor_momentum",
-            known.rotor_inertia.mean - zz + ln(spin),
-            known.rotor_inertia.deviation,
-            log=True,
-        ),
-        *(Parameter(f"imu_{axis}", 0.0, 0.2, needs=("accelerometer",)) for axis in "xyz"),
-        *(Parameter(f"tilt_{axis}", 0.0, 0.03, needs=("accelerometer",)) for axis in "xyz"),
-        # What rolls, pitches and yaws are coupled by beside tilt and products of inertia.
+        _published("rotor_momentum", momentum),
+        *(Parameter(f"imu_{axis}", 0.0, 0.2, needs=imu) for axis in "xyz"),
+        *(Parameter(f"tilt_{axis}", 0.0, 0.03, needs=imu) for axis in "xyz"),
+        # What couples roll, pitch and yaw besides tilt and products of inertia.
         *(Parameter(f"twist_{axis}", 0.0, 0.03) for axis in "xyz"),
         # Force and moment against velocity, over mass [1/s, 1/s, 1/m, arms/s, arms/s].
-        Parameter("drag", 0.15, 0.15, needs=AIR),
-        Parameter("climb", 0.15, 0.15, needs=AIR),
+        *(Parameter(name, 0.15, 0.15, needs=AIR) for name in ("drag", "climb")),
         Parameter("lift", 0.0, 0.1, needs=AIR),
-        Parameter("flap_x", 0.0, 0.2, needs=AIR),
-        Parameter("flap_y", 0.0, 0.2, needs=AIR),
-        # Times [s]: command to body, accelerometer after gyro, first-order lags.
+        *(Parameter(f"flap_{axis}", 0.0, 0.2, needs=AIR) for axis in "xy"),
+        # Times [s]: command to body, accelerometer after gyro, first-order lags. The accelerometer
+        # averages over a window, of the interval of rows.
         Parameter("delay", 0.005, 0.01, needs=MOTORS),
         Parameter("force_late", 0.0, 0.005 + 0.3 * step),
-        Parameter(
-            "window", 0.5, 0.3, needs=("accelerometer",)
-        ),  # over which it averages, of the interval of rows
-        Parameter(
-            "lag", known.time_constant.mean, known.time_constant.deviation, log=True, needs=MOTORS
-        ),
-        Parameter(
-            "lag_ratio",
-            known.time_constant_down.mean,
-            known.time_constant_down.deviation,
-            log=True,
-            needs=MOTORS,
-        ),
+        Parameter("window", 0.5, 0.3, needs=imu),
+        _published("lag", known.time_constant, MOTORS),
+        _published("lag_ratio", known.time_constant_down, MOTORS),
         Parameter("curve", 0.2, 0.3, needs=("throttle",)),
         Parameter("idle", 0.05, 0.04, needs=("throttle",)),
         # Thrust over a collective command; a power of 1.5 ± 0.5 has these, as `logs.inputs` says.
@@ -124,20 +104,24 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("bend", 0.375, 0.5, needs=("collective",)),
         Parameter("sag", 1.5, 0.5, needs=("voltage",)),
         Parameter("full_speed", 0.0, 0.5, log=True, needs=BOTH),
-        # Of one flight: battery and where it lies, clocks, errors of sensors.
-        Parameter("charge", 0.0, 0.03, log=True, flight=True),  # thrust over that of all flights
-        Parameter("shift_x", 0.0, 0.02, flight=True),  # centre of mass against that of all flights
-        Parameter("shift_y", 0.0, 0.02, flight=True),
-        Parameter("shift_yaw", 0.0, 0.02, flight=True),  # gain about z against that of all flights
-        Parameter("clock", 0.0, 0.01, flight=True, needs=ROTOR_SPEED),  # rotor speed to body [s]
+        # Of one flight against all: thrust by its battery, centre of mass, gain about z.
+        Parameter("charge", 0.0, 0.03, log=True, flight=True),
+        *(Parameter(f"shift_{axis}", 0.0, 0.02, flight=True) for axis in ("x", "y", "yaw")),
+        # Of one flight: rotor speed to body [s].
+        Parameter("clock", 0.0, 0.01, flight=True, needs=ROTOR_SPEED),
         # Axes of the logged attitude against the body's [rad]; an estimator's may be its sensors'.
-        Parameter("level_x", 0.0, 0.03, flight=True, needs=AIR),
-        Parameter("level_y", 0.0, 0.03, flight=True, needs=AIR),
-        Parameter("heading", 0.0, 0.03, flight=True, needs=AIR),
-        Parameter("bias_x", 0.0, 0.3, flight=True),
-        Parameter("bias_y", 0.0, 0.3, flight=True),
+        *(
+            Parameter(name, 0.0, 0.03, flight=True, needs=AIR)
+            for name in ("level_x", "level_y", "heading")
+        ),
+        *(Parameter(f"bias_{axis}", 0.0, 0.3, flight=True) for axis in "xy"),
         Parameter("bias_z", 0.0, 0.1, flight=True),
     )
+
+
+def _published(name: str, prior: LogNormal, needs: tuple[str, ...] = ()) -> Parameter:
+    """Return a positive parameter with the prior of published vehicles."""
+    return Parameter(name, prior.mean, prior.deviation, log=True, needs=needs)
 
 
 @dc.dataclass(frozen=True)

@@ -4,6 +4,7 @@ same evidence.
 Source: own choice of groups.
 """
 
+import dataclasses as dc
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
@@ -124,11 +125,8 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
     ):
         if needed not in lacks:
             text, measurement = GROUPS[name]
-            candidates.append(
-                _candidate(
-                    flights, states, priors, name, (text.format(**words), measurement), pushes
-                )
-            )
+            group = _group(name, text.format(**words), measurement)
+            candidates.append(_with_columns(group, flights, states, priors, pushes))
     loose = "the same trajectory with battery, cables and loose parts taped down"
     still = loose if measured else "log rotor speed on the same trajectory"
     for name, driven, measurement, frequencies, resonance in (
@@ -142,36 +140,29 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
         ("twist", words["torque"], still, TWISTS, partial(_twist, priors=priors)),
     ):
         for f in frequencies:
-            description = (f"an answer to {driven} with a resonance near {f:.3g} Hz", measurement)
-            prior = -math.log(len(frequencies))
-            candidates.append(
-                _candidate(
-                    flights,
-                    states,
-                    priors,
-                    name,
-                    description,
-                    resonance(f),
-                    prior,
-                    {"frequency": f},
-                )
+            text = f"an answer to {driven} with a resonance near {f:.3g} Hz"
+            group = dc.replace(
+                _group(name, text, measurement),
+                log_prior=-math.log(len(frequencies)),
+                figures={"frequency": f},
             )
+            candidates.append(_with_columns(group, flights, states, priors, resonance(f)))
     return candidates
 
 
-def _candidate(
-    flights,
-    states,
+def _group(name: str, text: str, measurement: str) -> Candidate:
+    """Return a group without columns: what it is, and the measurement that would end it."""
+    return Candidate((PREFIX + name,), text, {}, lambda c: [], measurement=measurement)
+
+
+def _with_columns(
+    group: Candidate,
+    flights: Sequence[FlightResiduals],
+    states: dict[str, FlightState],
     priors: Priors,
-    name,
-    description: tuple[str, str],
     pushes: Pushes,
-    log_prior=0.0,
-    figures=None,
 ) -> Candidate:
-    """Return a group as a candidate; `description` is what it is, and the measurement that would
-    end it.
-    """
+    """Return a group with its columns on these flights, and a function for any other."""
 
     def columns(flight: FlightResiduals) -> np.ndarray:
         state = states.get(flight.name) or FlightState(flight)
@@ -181,16 +172,8 @@ def _candidate(
         X[:, WRENCH] = size[:, None] * unscaled
         return X
 
-    return Candidate(
-        (PREFIX + name,),
-        description[0],
-        {flight.name: columns(flight) for flight in flights},
-        lambda c: [],
-        log_prior,
-        generic=columns,
-        figures=figures or {},
-        measurement=description[1],
-    )
+    by_flight = {flight.name: columns(flight) for flight in flights}
+    return dc.replace(group, columns=by_flight, generic=columns)
 
 
 def _each(features: np.ndarray, channels: Sequence[int]) -> np.ndarray:
