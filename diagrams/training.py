@@ -20,14 +20,14 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.random_flights import Envelope, drawn_flight
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import load_model, save_model
+from np_drake.lifting.model.lifted_model import load_model
 from np_drake.lifting.model.lpv_model import NEURAL_LPV, LpvModel
 from np_drake.lifting.training.train import make_config
 from np_drake.metrics import tracking_errors
 from np_drake.payload_filter.bank_options import CONDITIONAL, BankOptions, Prior
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.training import train_payload_filter
-from np_drake.residual_models.motion_model import REACTIONS, MotionModel
+from np_drake.residual_models.motion_model import REACTIONS
 from np_drake.residual_models.predictor_training import (
     fitted_lpv,
     train_motion_model,
@@ -76,10 +76,7 @@ def train_model(
     else:
         config = make_config(configuration, seed=seed)
         model = train_on_flights(flights, config, step=step, label=label).model
-    if isinstance(model, MotionModel | PayloadFilterModel):
-        model.save(path)
-    else:
-        save_model(model, path)
+    model.save(path)
     return model.summary
 
 
@@ -149,7 +146,7 @@ def train_network_on_envelope(
                     step=step,
                     on_epoch=lambda done, total, loss: advance(done / total, f"loss {loss:.4g}"),
                 )
-            save_model(result.model, first)
+            result.model.save(first)
     model: Any = result.model
     summary = {**model.summary, "learned": {"flights": len(flights), "seed": run.seed}}
     return dc.replace(model, summary=summary), result.loss

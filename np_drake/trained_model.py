@@ -4,9 +4,10 @@ of its training, and whether a controller may use it. Nothing pickled is ever re
 
 import dataclasses as dc
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
@@ -257,6 +258,40 @@ def read_model(
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         what = f"lacks {error}; train it again" if isinstance(error, KeyError) else reason
         raise ValueError(f"{path}: not a usable model file: {what}") from error
+
+
+class ModelFile(ABC):
+    """A trained model that a file can hold, under a schema of its own."""
+
+    schema: ClassVar[str]  # format of the file and its version
+
+    @abstractmethod
+    def content(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Return the arrays that make the model, and the header: all else, `summary` among it."""
+
+    @classmethod
+    @abstractmethod
+    def of_content(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> Self:
+        """Return the model of the content of a file.
+
+        Raises: KeyError, ValueError: on missing or inconsistent content.
+        """
+
+    def save(self, path: str | Path) -> None:
+        """Write the model file, whole or not at all.
+
+        Raises: OSError: if it cannot be written.
+        """
+        tensors, header = self.content()
+        write_model(tensors, self.schema, header, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Return the model in a file.
+
+        Raises: ValueError: as `read_model`.
+        """
+        return read_model(path, cls.schema, cls.of_content)  # type: ignore[type-var]
 
 
 def _reason(path: str | Path, error: Exception) -> str:

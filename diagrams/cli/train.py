@@ -32,12 +32,7 @@ from diagrams.loop.experiments import training_flight
 from np_drake.files.figure_file import Panel, panel_figure, save
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import (
-    CONFIGURATIONS,
-    MODE_DICTIONARY,
-    load_model,
-    save_model,
-)
+from np_drake.lifting.model.lifted_model import CONFIGURATIONS, MODE_DICTIONARY, load_model
 from np_drake.lifting.model.lpv_model import NEURAL_LPV
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
@@ -259,7 +254,7 @@ def _learn_network(lesson: Lesson) -> Learnt:
             envelope, run=lesson.run, vehicle=lesson.vehicle, epochs=epochs
         )
         model = fitted_lpv(model, flights, lesson.step) if flights else model
-    save_model(model, lesson.asked.out)
+    model.save(lesson.asked.out)
     rows = _timing(rotor_lag_of(model), delay_of(model) or 0.0)
     axes = ("report [1]", "loss [1]")
     return Learnt(model.summary, ["vehicle", "found"], rows, loss, axes=axes)
@@ -292,7 +287,7 @@ def _learn_lifted(lesson: Lesson) -> Learnt:
     )
     learn = partial(train_on_flights, flights, config, step=lesson.step)
     result = behind_bar(f"training {lesson.name}", learn)
-    save_model(result.model, lesson.asked.out)
+    result.model.save(lesson.asked.out)
     summary = result.model.summary
     lag = rotor_lag_of(result.model)
     if lag > 0:

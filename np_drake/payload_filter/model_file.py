@@ -4,14 +4,13 @@ it.
 
 import dataclasses as dc
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from np_drake.checks import require
 from np_drake.payload_filter.bank_options import BankOptions
-from np_drake.trained_model import read_model, summary_in, write_model
+from np_drake.trained_model import ModelFile, summary_in
 from np_drake.vehicle.scaling import Scales, over_paper
 
 PAYLOAD_FILTER = "payload_filter"  # name of the configuration
@@ -34,7 +33,7 @@ VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, 
 
 
 @dc.dataclass(frozen=True)
-class PayloadFilterModel:
+class PayloadFilterModel(ModelFile):
     """Vehicle under which the pendulum hangs, as the training flight shows it, and what is believed
     of payload and air.
 
@@ -65,6 +64,7 @@ class PayloadFilterModel:
     summary: dict[str, Any] = dc.field(default_factory=dict)
 
     configuration = PAYLOAD_FILTER
+    schema = SCHEMA
 
     def __post_init__(self):
         for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation", "arm"):
@@ -93,26 +93,18 @@ class PayloadFilterModel:
         """
         return over_paper(Scales(self.arm, self.mass, math.sqrt(self.arm / self.gravity)))
 
-    def save(self, path: str | Path) -> None:
-        """Write the model file, whole or not at all.
-
-        Raises: OSError: if it cannot be written.
-        """
+    def content(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Return the arrays and the header of its file."""
         tensors = {name: np.array([getattr(self, name)], float) for name in NUMBERS}
         tensors |= {name: np.asarray(getattr(self, name), float) for name in VECTORS}
         header = {"summary": self.summary, "bank": self.bank.as_numbers(), "learned": self.learned}
-        write_model(tensors, SCHEMA, header, path)
+        return tensors, header
 
     @classmethod
-    def load(cls, path: str | Path) -> "PayloadFilterModel":
-        """Return the model in a file.
-
-        Raises: ValueError: as `read_model`.
-        """
-        return read_model(path, SCHEMA, cls._build)
-
-    @classmethod
-    def _build(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "PayloadFilterModel":
+    def of_content(
+        cls, tensors: dict[str, np.ndarray], header: dict[str, Any]
+    ) -> "PayloadFilterModel":
+        """Return the model of the content of a file."""
         content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
         content |= {name: tensors[name] for name in VECTORS}
         bank = BankOptions.of_numbers(header["bank"])

@@ -3,7 +3,6 @@
 import dataclasses as dc
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,15 +10,7 @@ import numpy as np
 from np_drake import rigid_body
 from np_drake.checks import require
 from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
-from np_drake.trained_model import (
-    STEPS,
-    Array,
-    Perceptron,
-    number_in,
-    read_model,
-    summary_in,
-    write_model,
-)
+from np_drake.trained_model import STEPS, Array, ModelFile, Perceptron, number_in, summary_in
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 
@@ -207,7 +198,7 @@ SCHEMA = "np_drake.motion_model/1"  # format of the file and its version
 
 
 @dc.dataclass
-class MotionModel:
+class MotionModel(ModelFile):
     """Residual model chi_i = g(zeta_i), evaluated at every predicted state.
 
     It uses no label in flight, so that it cannot follow a change of the wrench at equal motion.
@@ -218,6 +209,8 @@ class MotionModel:
     reaction: GaussianProcess | WrenchNetwork  # g
     step: float  # time between samples [s]
     summary: dict[str, Any] = dc.field(default_factory=dict)  # key figures of the training
+
+    schema = SCHEMA
 
     def __post_init__(self):
         require(
@@ -243,23 +236,13 @@ class MotionModel:
         silent = constant_forecast(np.zeros(6), horizon)
         return dc.replace(silent, reaction=self.reaction, zeta=memory["zeta"])
 
-    def save(self, path: str | Path) -> None:
-        """Write the model file, whole or not at all.
-
-        Raises: OSError: if it cannot be written.
-        """
+    def content(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Return the arrays and the header of its file."""
         header = {"name": self.name, "step": self.step, "summary": self.summary}
-        write_model(self.reaction.tensors(), SCHEMA, header, path)
+        return self.reaction.tensors(), header
 
     @classmethod
-    def load(cls, path: str | Path) -> "MotionModel":
-        """Return the model in a file.
-
-        Raises: ValueError: as `read_model`.
-        """
-        return read_model(path, SCHEMA, cls._build)
-
-    @classmethod
-    def _build(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "MotionModel":
+    def of_content(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "MotionModel":
+        """Return the model of the content of a file."""
         reaction = REACTIONS[header["name"]].from_tensors(tensors)
         return cls(header["name"], reaction, number_in(header, "step", *STEPS), summary_in(header))

@@ -8,22 +8,22 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem, Trust
-from np_drake.lifting.model.lpv_model import (
-    LPV_SCHEMA,
-    NEURAL_LPV,
-    LpvModel,
-    lpv_model_of,
-    lpv_tensors,
-)
-from np_drake.trained_model import STEPS, number_in, read_model, schema_of, summary_in, write_model
+from np_drake.lifting.model.lpv_model import NEURAL_LPV, LpvModel
+from np_drake.trained_model import STEPS, ModelFile, number_in, schema_of, summary_in
 
 PAPER = "paper"
 MODE_DICTIONARY = "mode-dictionary"
+SCHEMA = "np_drake.lifted_model/3"  # format of the file and its version
 CONFIGURATIONS = (PAPER, NEURAL_LPV, MODE_DICTIONARY)
 
 
+# What a header may hold, own choice: beyond it a file is damaged.
+LONGEST = 10_000  # samples of a refit
+LARGEST_RIDGE = 1e12  # [samples of unit size]
+
+
 @dc.dataclass(frozen=True)
-class LiftedModel:
+class LiftedModel(ModelFile):
     """Trained predictor as held by a model file, with all matrices in physical units.
 
     refit: samples that A and B are fitted to in flight, about those of `system`; 0 for no refit.
@@ -41,6 +41,8 @@ class LiftedModel:
     refit: int = 0
     ridge: float = 0.0
     trust: Trust | None = None
+
+    schema = SCHEMA
 
     def __post_init__(self):
         require(
@@ -69,45 +71,49 @@ class LiftedModel:
         """Time between samples [s]."""
         return self.system.step
 
+    def content(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Return the arrays and the header of its file."""
+        s = self.system
+        tensors = {"A": s.A, "B": s.B, "C": s.C, "zeta_scale": self.zeta_scale}
+        tensors |= self.encoder.tensors()
+        if self.trust is not None:
+            tensors |= {
+                f"trust/{name}": np.asarray(value, float)
+                for name, value in vars(self.trust).items()
+            }
+        header = {
+            "configuration": self.configuration,
+            "step": s.step,
+            "refit": self.refit,
+            "ridge": self.ridge,
+            "summary": self.summary,
+        }
+        return tensors, header
+
+    @classmethod
+    def of_content(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "LiftedModel":
+        """Return the model of the content of a file."""
+        step = number_in(header, "step", *STEPS)
+        system = LiftedLinearSystem(tensors["A"], tensors["B"], tensors["C"], step)
+        radius = system.spectral_radius
+        require(radius <= 1.0 + 1e-9, f"A must be stable; its spectral radius is {radius:.6g}.")
+        scale = tensors["zeta_scale"]
+        require(
+            scale.shape == (6,) and np.all(scale > 0), "zeta_scale must be six positive numbers."
+        )
+        return cls(
+            header["configuration"],
+            system,
+            Encoder.from_tensors(tensors),
+            scale,
+            summary_in(header),
+            refit=int(number_in(header, "refit", 0, LONGEST)),
+            ridge=number_in(header, "ridge", 0.0, LARGEST_RIDGE),
+            trust=_trust(tensors, system.K),
+        )
+
 
 Predictor = LiftedModel | LpvModel  # of any configuration
-
-
-# What a header may hold, own choice: beyond it a file is damaged.
-LONGEST = 10_000  # samples of a refit
-LARGEST_RIDGE = 1e12  # [samples of unit size]
-
-
-SCHEMA = "np_drake.lifted_model/3"  # format of the file and its version
-
-
-def save_model(model: Predictor, path: str | Path) -> None:
-    """Write the model file, whole or not at all.
-    Raises: OSError: if it cannot be written.
-    """
-    if isinstance(model, LpvModel):
-        header = {"step": model.step, "summary": model.summary}
-        return write_model(lpv_tensors(model), LPV_SCHEMA, header, path)
-    s = model.system
-    tensors = {
-        "A": s.A,
-        "B": s.B,
-        "C": s.C,
-        "zeta_scale": model.zeta_scale,
-        **model.encoder.tensors(),
-    }
-    if model.trust is not None:
-        tensors |= {
-            f"trust/{name}": np.asarray(value, float) for name, value in vars(model.trust).items()
-        }
-    header = {
-        "configuration": model.configuration,
-        "step": s.step,
-        "refit": model.refit,
-        "ridge": model.ridge,
-        "summary": model.summary,
-    }
-    write_model(tensors, SCHEMA, header, path)
 
 
 def load_model(path: str | Path) -> Predictor:
@@ -115,29 +121,7 @@ def load_model(path: str | Path) -> Predictor:
 
     Raises: ValueError: as `read_model`.
     """
-    if schema_of(path) == LPV_SCHEMA:
-        return read_model(path, LPV_SCHEMA, lpv_model_of)
-    return read_model(path, SCHEMA, _model)
-
-
-def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
-    system = LiftedLinearSystem(
-        tensors["A"], tensors["B"], tensors["C"], number_in(header, "step", *STEPS)
-    )
-    radius = system.spectral_radius
-    require(radius <= 1.0 + 1e-9, f"A must be stable; its spectral radius is {radius:.6g}.")
-    scale = tensors["zeta_scale"]
-    require(scale.shape == (6,) and np.all(scale > 0), "zeta_scale must be six positive numbers.")
-    return LiftedModel(
-        header["configuration"],
-        system,
-        Encoder.from_tensors(tensors),
-        scale,
-        summary_in(header),
-        refit=int(number_in(header, "refit", 0, LONGEST)),
-        ridge=number_in(header, "ridge", 0.0, LARGEST_RIDGE),
-        trust=_trust(tensors, system.K),
-    )
+    return LpvModel.load(path) if schema_of(path) == LpvModel.schema else LiftedModel.load(path)
 
 
 def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:

@@ -20,7 +20,7 @@ import numpy as np
 
 from np_drake.checks import require
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Taps
-from np_drake.trained_model import STEPS, Array, Perceptron, number_in, summary_in
+from np_drake.trained_model import STEPS, Array, ModelFile, Perceptron, number_in, summary_in
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import PERIOD, ratios
 
@@ -92,7 +92,7 @@ class Features:
 
 
 @dc.dataclass(frozen=True)
-class LpvModel:
+class LpvModel(ModelFile):
     """Trained predictor as held by a model file; all but `scale` and `step` without units."""
 
     step: float  # [s]
@@ -107,6 +107,7 @@ class LpvModel:
     summary: dict[str, Any] = dc.field(default_factory=dict)  # of the training, for people
 
     configuration = NEURAL_LPV
+    schema = LPV_SCHEMA
     window = TAPS.delay
 
     def __post_init__(self):
@@ -210,16 +211,15 @@ class LpvModel:
         A, B, C = self.matrices(theta)
         return LiftedLinearSystem(A, B / self.scale[6:], C * self.scale[:6, None], self.step)
 
+    def content(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Return the arrays and the header of its file."""
+        arrays = {k: value for k, value in vars(self).items() if isinstance(value, np.ndarray)}
+        header = {"step": self.step, "summary": self.summary}
+        return self.network.tensors() | arrays, header
 
-def lpv_tensors(model: LpvModel) -> dict[str, np.ndarray]:
-    """Return the arrays that a model file holds, by name."""
-    return model.network.tensors() | {
-        name: value for name, value in vars(model).items() if isinstance(value, np.ndarray)
-    }
-
-
-def lpv_model_of(tensors: dict[str, Any], header: dict[str, Any]) -> LpvModel:
-    """Return the model of the content of a file."""
-    network = Perceptron.taken_from(tensors)
-    step = number_in(header, "step", *STEPS)
-    return LpvModel(step, **tensors, network=network, summary=summary_in(header))
+    @classmethod
+    def of_content(cls, tensors: dict[str, Any], header: dict[str, Any]) -> "LpvModel":
+        """Return the model of the content of a file."""
+        network = Perceptron.taken_from(tensors)
+        step = number_in(header, "step", *STEPS)
+        return cls(step, **tensors, network=network, summary=summary_in(header))

@@ -13,7 +13,7 @@ from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
 from diagrams.loop.flight_result import LostVehicle, fly
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.lifting.model.lifted_linear_system import Encoder, LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel, save_model
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.config import ReferenceConfig
 from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
@@ -41,7 +41,7 @@ def test_each_kind_flies_the_packaged_model_of_its_name_on_its_own_vehicle():
 def test_a_lifted_linear_system_flies_as_np(tmp_path):
     path = tmp_path / "model.safetensors"
     system = LiftedLinearSystem(0.9 * np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
-    save_model(LiftedModel(MODE_DICTIONARY, system, Encoder(np.eye(6, 12))), path)
+    LiftedModel(MODE_DICTIONARY, system, Encoder(np.eye(6, 12))).save(path)
     config = ControllerConfig("np", predictor=str(path))
     assert isinstance(make_residual_model(config, Vehicle()), LiftedLinearPredictor)
     assert [kind_of_model(str(p)) for p in (path, FILTER_MODEL)] == ["np", "payload_filter"]

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from np_drake.labels import RAW
-from np_drake.lifting.model.lifted_model import load_model, save_model
-from np_drake.lifting.model.lpv_model import LPV_SCHEMA, PARAMETERS, lpv_tensors
+from np_drake.lifting.model.lifted_model import load_model
+from np_drake.lifting.model.lpv_model import LPV_SCHEMA, PARAMETERS
 from np_drake.lifting.training import neural_lpv
 from np_drake.lifting.training.paper_training import IMAGES
 from np_drake.lifting.training.train import train
@@ -100,7 +100,7 @@ def test_more_steps_on_other_flights_teach_their_force():
 
 def test_without_a_step_the_network_stays_what_it_was():
     tuned = neural_lpv.fine_tuned(MODEL, [FLIGHT], epochs=0)
-    found, expected = lpv_tensors(tuned), lpv_tensors(MODEL)
+    found, expected = tuned.content()[0], MODEL.content()[0]
     for name in expected:
         np.testing.assert_allclose(found[name], expected[name], rtol=1e-6)  # float32
 
@@ -108,9 +108,9 @@ def test_without_a_step_the_network_stays_what_it_was():
 def test_what_is_read_from_a_small_file_is_what_was_written(tmp_path):
     network = neural_lpv.LpvNetwork(neural_lpv.NeuralLpvConfig(), SEEN).requires_grad_(False)
     saved = dc.replace(network.model(STEP).in_numpy(), summary={"samples": 7})
-    save_model(saved, tmp_path / "m")
+    saved.save(tmp_path / "m")
     found = load_model(tmp_path / "m")
-    np.testing.assert_equal(lpv_tensors(found), lpv_tensors(saved))
+    np.testing.assert_equal(found.content()[0], saved.content()[0])
     assert found.summary == saved.summary
     assert (tmp_path / "m").stat().st_size < 2e6  # [B]
 
@@ -125,7 +125,7 @@ FAULTS = {
 
 @pytest.mark.parametrize("message", FAULTS)
 def test_every_fault_has_its_line(message, tmp_path):
-    tensors, header = lpv_tensors(MODEL) | FAULTS[message], {"step": STEP, "summary": {}}
+    tensors, header = MODEL.content()[0] | FAULTS[message], {"step": STEP, "summary": {}}
     write_model(tensors, LPV_SCHEMA, header, tmp_path / "m")
     with pytest.raises(ValueError, match=rf"\A.*{message}.*\Z"):
         load_model(tmp_path / "m")

@@ -16,7 +16,6 @@ from np_drake.lifting.model.lifted_model import (
     SCHEMA,
     LiftedModel,
     load_model,
-    save_model,
 )
 from np_drake.residual_models.lifted_predictor import LiftedPredictor
 from np_drake.trained_model import require_origin, rotor_lag_of
@@ -45,7 +44,7 @@ def rewrite(path: Path, change) -> None:
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    save_model(model(MODE_DICTIONARY), tmp_path / "model.safetensors")
+    model(MODE_DICTIONARY).save(tmp_path / "model.safetensors")
     return tmp_path / "model.safetensors"
 
 
@@ -53,14 +52,14 @@ def test_equal_models_are_equal_files(tmp_path):
     # The library's order of names is drawn anew at every call: two of eight calls differ but for 1
     # in 128.
     for number in range(8):
-        save_model(model(MODE_DICTIONARY), tmp_path / f"{number}.safetensors")
+        model(MODE_DICTIONARY).save(tmp_path / f"{number}.safetensors")
     assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1
 
 
 @pytest.mark.parametrize("configuration", [PAPER, MODE_DICTIONARY])
 def test_what_is_read_is_what_was_written(configuration, tmp_path):
     saved = model(configuration)
-    save_model(saved, tmp_path / "m.safetensors")
+    saved.save(tmp_path / "m.safetensors")
     read = load_model(tmp_path / "m.safetensors")
     for name in ("configuration", "window", "summary", "refit", "ridge", "step"):
         assert getattr(read, name) == getattr(saved, name)

@@ -5,7 +5,6 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.lifted_model import save_model
 from np_drake.lifting.training.excitation import excitation
 from np_drake.lifting.training.neural_lpv import NeuralLpvConfig
 from np_drake.lifting.training.paper_training import PaperConfig
@@ -20,7 +19,7 @@ def test_the_seed_decides_and_progress_ascends_to_its_total(config, dithered, tm
     calls: list[tuple[int, int, float]] = []
     for name, own in (("first", config), ("again", config), ("other", dc.replace(config, seed=1))):
         found = train([dithered.segment], own, on_epoch=lambda *call: calls.append(call))
-        save_model(dc.replace(found.model, summary={}), tmp_path / name)
+        dc.replace(found.model, summary={}).save(tmp_path / name)
     first, again, other = ((tmp_path / name).read_bytes() for name in ("first", "again", "other"))
     assert first == again != other
     assert [done for done, _, _ in calls] == 3 * list(range(1, config.epochs + 1))
