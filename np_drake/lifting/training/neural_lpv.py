@@ -34,6 +34,7 @@ from np_drake.lifting.model.lpv_model import (
 )
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import excitation
+from np_drake.lifting.training.paper_training import gradient_step
 from np_drake.trained_model import Perceptron
 from np_drake.training_data.segments import Segment, check_segments
 
@@ -370,12 +371,9 @@ def _descend(
         parts = [e / size[:, i, None, None] for i, e in enumerate(errors)]
         robust = [smooth_l1_loss(e, torch.zeros_like(e), beta=ROBUST) for e in parts]
         loss = torch.stack(robust) @ WEIGHT
-        network.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(network.parameters(), longest)
-        for part in (*optimisers, *rates):
-            part.step()
-        losses.append(loss.item())
+        losses.append(gradient_step(loss, optimisers, network.parameters(), longest=longest))
+        for rate in rates:
+            rate.step()
         if step % max(1, config.epochs // REPORTS) == 0:
             history.append(float(np.mean(losses)))
             losses = []

@@ -22,7 +22,7 @@ and effects):
 
 import dataclasses as dc
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -100,6 +100,23 @@ def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
     return W * (gain / (U[:, 0] @ W @ Vh[0]))
 
 
+def gradient_step(
+    loss: torch.Tensor, optimisers: Sequence[Any], parameters: Iterable[Any], *, longest: float
+) -> float:
+    """Take one step of all optimisers down the gradient of the loss, and return the loss.
+
+    Args:
+        parameters: whose gradients, taken together, are cut to the length `longest`.
+    """
+    for optimiser in optimisers:
+        optimiser.zero_grad()
+    loss.backward()
+    nn.utils.clip_grad_norm_(parameters, longest)
+    for optimiser in optimisers:
+        optimiser.step()
+    return loss.item()
+
+
 def descend(
     optimiser: torch.optim.Optimizer,
     loss: Callable[[torch.Tensor], torch.Tensor],
@@ -127,12 +144,8 @@ def descend(
         order = torch.from_numpy(np.random.default_rng([config.seed, epoch]).permutation(count))
         losses = []
         for rows in order.split(config.batch):
-            optimiser.zero_grad()
-            error = loss(rows)
-            error.backward()
-            torch.nn.utils.clip_grad_norm_(optimiser.param_groups[0]["params"], 1.0)
-            optimiser.step()
-            losses.append(error.item())
+            parameters = optimiser.param_groups[0]["params"]
+            losses.append(gradient_step(loss(rows), [optimiser], parameters, longest=1.0))
         rate.step()
         history.append(float(np.mean(losses)))
         on_epoch(epoch + 1, config.epochs, history[-1])
