@@ -1,76 +1,73 @@
 """`np-drake certify`: where a vehicle may be flown, from draws of what is known of it."""
 
+import dataclasses as dc
 from math import inf
 from pathlib import Path
-from typing import Annotated
-
-from typer import Option
 
 from diagrams.certify.certificate import YES, Accepted, Certificate
 from diagrams.certify.certificate import certify as certificate_of
 from diagrams.certify.ranges import Range
 from diagrams.cli.fly import Experiment, Fields, FlyOptions, Predictor, scenarios
-from diagrams.cli.verb import OUT_OF_CASES, Report, Run, Table, VehicleFile, reports, say
+from diagrams.cli.verb import OUT_OF_CASES, Report, Run, Table, VehicleFile, option, reports, say
 from diagrams.evidence.studies.options import Reality, tabulate
 from diagrams.loop.experiments import settings_of
 from np_drake.files.number_text import measure, percent
 
 
+@dc.dataclass(frozen=True)
+class CertifyOptions:
+    """Options of `certify`."""
+
+    experiment: Experiment
+    over: list[str] = option(
+        "Draw payload [kg], tether [m], speed or wind [m/s], or a field of the scenario, from a "
+        "range; repeatable. The first two make the map.",
+        default=(),
+        metavar="NAME=LOW:HIGH",
+    )
+    flights: int = option("Flights in all.", default=1000, min=20, max=1_000_000)
+    within: float | None = option(
+        "Corridor about the reference [m].", min=1e-3, max=50.0, metavar="METRES"
+    )
+    limit: float = option(
+        "Largest rate of failures to accept [1].", default=0.01, min=1e-5, max=0.5
+    )
+    confidence: float = option("Of the bound [1].", default=0.95, min=0.5, max=0.9999)
+    cells: int = option("Of the map along each range.", default=6, min=2, max=8)
+    controller: str | None = option("As of `fly`, with its default.", metavar="KIND")
+    predictor: Predictor = None
+    duration: float | None = option("Scored time after the ramp [s].")
+    fields: Fields = None
+    vehicle: VehicleFile = None
+    reality: Reality = None
+
+
 @reports("certify", seed=0, out=OUT_OF_CASES, many=True)
-def certify(
-    run: Run,
-    experiment: Experiment,
-    over: Annotated[
-        list[str] | None,
-        Option(
-            metavar="NAME=LOW:HIGH",
-            help="Draw payload [kg], tether [m], speed or wind [m/s], or a field of the scenario, "
-            "from a range; repeatable. The first two make the map.",
-        ),
-    ] = None,
-    flights: Annotated[int, Option(min=20, max=1_000_000, help="Flights in all.")] = 1000,
-    within: Annotated[
-        float | None,
-        Option(min=1e-3, max=50.0, metavar="METRES", help="Corridor about the reference [m]."),
-    ] = None,
-    limit: Annotated[
-        float, Option(min=1e-5, max=0.5, help="Largest rate of failures to accept [1].")
-    ] = 0.01,
-    confidence: Annotated[float, Option(min=0.5, max=0.9999, help="Of the bound [1].")] = 0.95,
-    cells: Annotated[int, Option(min=2, max=8, help="Of the map along each range.")] = 6,
-    controller: Annotated[
-        str | None, Option(metavar="KIND", help="As of `fly`, with its default.")
-    ] = None,
-    predictor: Predictor = None,
-    duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,
-    fields: Fields = None,
-    vehicle: VehicleFile = None,
-    reality: Reality = None,
-) -> Report:
+def certify(run: Run, asked: CertifyOptions) -> Report:
     """Bound how often a vehicle is lost, or leaves a corridor, over ranges of payload, speed, wind.
 
     Flights are drawn from the ranges, the intervals of the vehicle file and the posterior of a
     diagnosis (`--reality corrected.yaml`).
     """
-    ranges = [Range.parse(text) for text in over or ()]
+    ranges = [Range.parse(text) for text in asked.over]
     (config,) = scenarios(
         FlyOptions(
-            experiment,
-            [controller] if controller else [],
-            predictor=predictor,
-            duration=duration,
-            fields=fields,
-            vehicle=vehicle,
-            reality=reality,
+            asked.experiment,
+            [asked.controller] if asked.controller else [],
+            predictor=asked.predictor,
+            duration=asked.duration,
+            fields=asked.fields,
+            vehicle=asked.vehicle,
+            reality=asked.reality,
         )
     )
     certificate = certificate_of(
         config,
         ranges,
-        flights=flights,
-        within=float("inf") if within is None else within,
-        cells=cells,
-        accepted=Accepted(limit, confidence),
+        flights=asked.flights,
+        within=inf if asked.within is None else asked.within,
+        cells=asked.cells,
+        accepted=Accepted(asked.limit, asked.confidence),
         run=run,
     )
 
@@ -83,8 +80,11 @@ def certify(
         tables(certificate),
         config={
             "scenario": settings_of(config),
-            "over": list(over or ()),
-            **{"limit": limit, "confidence": confidence, "within": within, "cells": cells},
+            "over": list(asked.over),
+            "limit": asked.limit,
+            "confidence": asked.confidence,
+            "within": asked.within,
+            "cells": asked.cells,
         },
         metrics={
             "holds": certificate.answer == YES,

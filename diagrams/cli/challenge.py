@@ -2,14 +2,15 @@
 know.
 """
 
+import dataclasses as dc
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from typer import Argument, Option
 
 from diagrams.batch.run import require
-from diagrams.cli.verb import OUT, Report, Run, Verbs, reports, say
+from diagrams.cli.verb import OUT, Report, Run, Verbs, option, reports, say
 from diagrams.evidence.challenge.answers import case_folders, read_answered_cases, solve
 from diagrams.evidence.challenge.case import SetRequest
 from diagrams.evidence.challenge.make import check_request, make
@@ -19,36 +20,35 @@ from diagrams.evidence.scoring import calibration_figure
 challenge = Verbs(help="Withheld-effect challenge sets.", add_completion=False)
 
 
+@dc.dataclass(frozen=True)
+class MakeOptions:
+    """Options of `challenge make`."""
+
+    out: Path = option("Folder for the case folders.", default=dc.MISSING, metavar="DIR")
+    truth: Path = option(
+        "Folder for their truth; not inside --out.", default=dc.MISSING, metavar="DIR"
+    )
+    simulator: str = option("Who flies: drake | rotorpy.", default="drake", metavar="NAME")
+    quality: str = option("Sensors: clean (ideal) | real.", default="clean", metavar="NAME")
+    cases: int = option("Cases with effects.", default=44, min=0, max=100_000)
+    clean: int = option("Clean controls: cases without.", default=20, min=0, max=100_000)
+    seconds: float = option("Length of every flight [s].", default=20.0)
+    unseen: bool = option(
+        "OUT-of-library effects alone, of kinds in no other set.", "--unseen", default=False
+    )
+
+
 @challenge.command("make")
 @reports("challenge_make", seed=0, markdown=False, many=True, folders=("out", "truth"))
-def _make(
-    run: Run,
-    out: Annotated[Path, Option(metavar="DIR", help="Folder for the case folders.")],
-    truth: Annotated[Path, Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
-    simulator: Annotated[str, Option(metavar="NAME", help="Who flies: drake | rotorpy.")] = "drake",
-    quality: Annotated[
-        str, Option(metavar="NAME", help="Sensors: clean (ideal) | real.")
-    ] = "clean",
-    cases: Annotated[int, Option(min=0, max=100_000, help="Cases with effects.")] = 44,
-    clean: Annotated[int, Option(min=0, max=100_000, help="Clean controls: cases without.")] = 20,
-    seconds: Annotated[float, Option(help="Length of every flight [s].")] = 20.0,
-    unseen: Annotated[
-        bool, Option("--unseen", help="OUT-of-library effects alone, of kinds in no other set.")
-    ] = False,
-) -> Report:
+def _make(run: Run, asked: MakeOptions) -> Report:
     """Fly and write a set: about half single effects, then pairs, triples, onsets in flight,
     out-of-library effects.
 
     Cases of the same request that are there already stay, so that an interrupted run goes on.
     """
-    config: dict[str, Any] = {
-        "simulator": simulator,
-        "quality": quality,
-        "cases": cases,
-        "clean": clean,
-        "seconds": seconds,
-        "unseen": unseen,
-    }
+    config = dc.asdict(asked)
+    out = config.pop("out")
+    truth = config.pop("truth")
     request = SetRequest(**config, seed=run.seed)
     check_request(request, out, truth)
     with run.counting("flying", "cases") as on_progress:

@@ -185,12 +185,12 @@ def scenarios(asked: FlyOptions) -> list[FlightConfig]:
         "give either --reality, which has a vehicle of its own, or --vehicle.",
     )
     changed = bool(fields) or payload is not None or asked.reality is not None
-    as_written = asked == FlyOptions(experiment, vehicle=asked.vehicle)
+    differs = changed or asked.controller or predictor or asked.duration or asked.autopilot
     first = load_experiment(
         experiment,
         None if asked.vehicle is None else load_vehicle(asked.vehicle),
         asked.reality,
-        checked=as_written,
+        checked=not differs,
     )
     content = read_yaml(scenario_file(experiment))
     if "solver" not in (content.get("controller") or {}):
@@ -216,6 +216,15 @@ def scenarios(asked: FlyOptions) -> list[FlightConfig]:
     configs = [checked(config) for config in configs]
     if default and predictor is None:
         configs = [_with_controller(configs[0], _default_controller(configs[0]))]
+    _require_flyable(configs)
+    return configs
+
+
+def _require_flyable(configs: Sequence[FlightConfig]) -> None:
+    """Check that firmware, model and controller of each scenario are there, and their names differ.
+
+    Raises: ValueError: where one is not.
+    """
     for config in configs:
         config.check()
         if config.autopilot.kind == "betaflight":
@@ -228,7 +237,6 @@ def scenarios(asked: FlyOptions) -> list[FlightConfig]:
         raise ValueError(
             f"--controller: two are called {twice[0]}, and so would their files be. Rename one."
         )
-    return configs
 
 
 def _with_controller(config: FlightConfig, kind: str) -> FlightConfig:

@@ -138,14 +138,10 @@ def _add_mpc(
         ports["u"] = _add_rate_loop(loop, followed)
     acting = ports["u"]
     timing = _delay_filter(config, believed, model, truth)
-    delay = None
-    if timing is not None:
-        delay = loop.add("delay_estimator", DelayEstimator(timing))
-        loop.connect(sensors, delay, "x", "acceleration")
-        builder.Connect(acting, delay.GetInputPort("u"))
+    delay = None if timing is None else _add_delay(loop, timing, acting, source)
+    if delay is not None:
         ports["delay"] = delay.GetOutputPort("delay")
         acting = delay.GetOutputPort("acting")
-        builder.Connect(ports["delay"], source.GetInputPort("lead"))
     builder.Connect(acting, estimator.GetInputPort("u"))
     predictor: System | None = None
     if truth is not None:
@@ -176,6 +172,17 @@ def _add_solver(loop: Loop, vehicle: Vehicle) -> NpMpc:
     mpc = loop.add("np_mpc", NpMpc(control))
     loop.connect(loop.sensors, mpc, "x")
     return mpc
+
+
+def _add_delay(
+    loop: Loop, timing: DelayFilter, command: OutputPort, source: ReferenceSource
+) -> DelayEstimator:
+    """Add what tells which command acts, by which the reference is looked ahead."""
+    delay = loop.add("delay_estimator", DelayEstimator(timing))
+    loop.connect(loop.sensors, delay, "x", "acceleration")
+    loop.builder.Connect(command, delay.GetInputPort("u"))
+    loop.builder.Connect(delay.GetOutputPort("delay"), source.GetInputPort("lead"))
+    return delay
 
 
 def _add_oracle(loop: Loop, truth: TrueModel, *, is_delayed: bool) -> System:

@@ -25,21 +25,21 @@ def main() -> None:
     cannot tell.
     """
     make(Path("cases"), Path("truth"), SetRequest(cases=1, clean=0, seconds=10.0, seed=47))
-    found = answer(next(Path("cases").iterdir()))
+    diagnosis = answer(next(Path("cases").iterdir()))
     print(
         "verdict:",
-        found.verdict,
+        diagnosis.verdict,
         " probability of something unknown:",
-        round(found.unknown_probability, 2),
+        round(diagnosis.unknown_probability, 2),
     )
-    for cause in found.causes:
+    for cause in diagnosis.causes:
         for name, parameter in cause.parameters.items():
             low, high = parameter.ci95
             print(
                 f"  {cause.identifier} {name} {parameter.value:.4f} [{low:.4f}, "
                 f"{high:.4f}] {parameter.unit}"
             )
-    gap_reduction = found.gap_reduction
+    gap_reduction = diagnosis.gap_reduction
     print(
         f"held-out residual: {gap_reduction.before:.2f} -> {gap_reduction.after:.2f} "
         f"(noise: {gap_reduction.floor:.2f})"
