@@ -35,8 +35,8 @@ class ReferenceSource(LeafSystem):
     def __init__(self, reference: Reference, *, horizon: int, step: float):
         super().__init__()
         require(
-            horizon >= 1 and 0 < step < np.inf,
-            "ReferenceSource: horizon must be 1 or more and step positive [s]; "
+            horizon >= 0 and 0 < step < np.inf,
+            "ReferenceSource: horizon must not be negative and step positive [s]; "
             f"got {horizon!r}, {step!r}.",
         )
         self._reference = reference
