@@ -25,7 +25,7 @@ class Wall(WrenchEffect):
     reach: float = 0.3  # [m]
     x: float = 1.3  # where the wall is [m]
 
-    identifier: ClassVar[str] = "wall"
+    parameters: ClassVar[tuple] = ()
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         chi = super().wrench(vehicle, motion)
