@@ -90,14 +90,14 @@ def test_a_throttle_opens_the_mounting_and_the_latency_of_its_autopilot(flights)
         dc.replace(e, vehicle=held, log=dc.replace(e.log, input="normalised")) for e in flights
     ]
     open_ = with_input(Options.for_sensors(True), flying).tolerance
-    found = {d.name: set(d.deviation.values()) for d in file_priors(Vehicle(), open_)}
+    found = {d.name: set(d.sigma.values()) for d in file_priors(Vehicle(), open_)}
     assert found["imu_mounting"] == {PRIOR_SPREAD.mounting}
     assert found["attitude_latency"] == {PRIOR_SPREAD.latency}
 
 
 def test_calibration_is_mass_and_thrust_at_their_deviations(flights):
     every = file_priors(Vehicle(), Tolerance())
-    found = {d.name: d.deviation for d in every}
+    found = {d.name: d.sigma for d in every}
     assert found == {
         "thrust_scale": {"scale": 0.005},
         "mass_error": {"delta_mass": pytest.approx(0.010)},
@@ -122,10 +122,10 @@ STATED = Vehicle(
 
 def test_what_a_file_states_of_a_field_is_its_prior(flights):
     found = {d.name: d for d in file_priors(STATED, Tolerance(thrust=0.02))}
-    assert list(found["inertia_error"].deviation.values()) == pytest.approx([0.1 / 1.96] * 3)
-    assert found["motor_lag"].deviation == {"time_constant": pytest.approx(0.006 / 1.96)}
+    assert list(found["inertia_error"].sigma.values()) == pytest.approx([0.1 / 1.96] * 3)
+    assert found["motor_lag"].sigma == {"time_constant": pytest.approx(0.006 / 1.96)}
     assert found["motor_lag"].term.effect.time_constant == 0.03
-    assert list(found["center_of_mass_offset"].deviation.values()) == pytest.approx(
+    assert list(found["center_of_mass_offset"].sigma.values()) == pytest.approx(
         [0.002 / 1.96] * 3
     )
     assert "weak_rotor[1]" not in found  # nothing is stated of its gain
