@@ -41,8 +41,8 @@ def test_its_rate_loop_is_that_of_the_gains_it_was_given(flown):
 def test_the_study_certifies_the_rate_loop_and_flies_the_firmware(firmware, monkeypatch):
     monkeypatch.setattr(coverage, "LOGGED", 6.0)
     found = coverage.known_by_firmware({"seed": 0})
-    told, true = (filled(FlightConfig(), found[name]) for name in ("told", "true"))
-    assert (told.autopilot.kind, true.autopilot.kind) == ("rate_loop", "betaflight")
-    assert "rate_loop.lag" in told.vehicle.intervals
-    assert true.controller.vehicle.rate_loop == told.vehicle.rate_loop
-    assert fly(dc.replace(told, duration=0.5), seed=0).metrics()["E_xy"] < 0.05  # [m]
+    corrected, true = (filled(FlightConfig(), found[name]) for name in ("corrected", "true"))
+    assert (corrected.autopilot.kind, true.autopilot.kind) == ("rate_loop", "betaflight")
+    assert "rate_loop.lag" in corrected.vehicle.intervals
+    assert true.controller.vehicle.rate_loop == corrected.vehicle.rate_loop
+    assert fly(dc.replace(corrected, duration=0.5), seed=0).metrics()["E_xy"] < 0.05  # [m]

@@ -125,9 +125,7 @@ def test_what_a_file_states_of_a_field_is_its_prior(flights):
     assert list(found["inertia_error"].sigma.values()) == pytest.approx([0.1 / 1.96] * 3)
     assert found["motor_lag"].sigma == {"time_constant": pytest.approx(0.006 / 1.96)}
     assert found["motor_lag"].term.effect.time_constant == 0.03
-    assert list(found["center_of_mass_offset"].sigma.values()) == pytest.approx(
-        [0.002 / 1.96] * 3
-    )
+    assert list(found["center_of_mass_offset"].sigma.values()) == pytest.approx([0.002 / 1.96] * 3)
     assert "weak_rotor[1]" not in found  # nothing is stated of its gain
 
 
