@@ -151,6 +151,16 @@ def rotation_vector(q: np.ndarray) -> np.ndarray:
     return q[..., 1:] * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 2.0)
 
 
+def turn_between(q: np.ndarray, q_other: np.ndarray) -> np.ndarray:
+    """Return the rotation vector (..., 3) [rad] that turns q to q_other (..., 4), in its axes."""
+    return rotation_vector(multiply(conjugate(q), q_other))
+
+
+def normalised(q: np.ndarray) -> np.ndarray:
+    """Return quaternions (..., 4) at unit length."""
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
 def from_rotation_vector(r: np.ndarray) -> np.ndarray:
     """Return the unit quaternion (..., 4) of a rotation vector (..., 3) [rad]."""
     angle = np.linalg.norm(r, axis=-1, keepdims=True)
@@ -185,4 +195,4 @@ def integrated(t: np.ndarray, q0: np.ndarray, w: np.ndarray) -> np.ndarray:
             pw * z + px * y - py * x + pz * w0,
         )
         out[i] = (pw, px, py, pz)
-    return out / np.linalg.norm(out, axis=1, keepdims=True)
+    return normalised(out)

@@ -107,7 +107,7 @@ class WrenchOracle(LeafSystem):
         for command, wrench in zip(u, chi, strict=True):
             path.append(self._dynamics.advance(path[-1], command, wrench))
         states = np.array(path)
-        states[:, Q] /= np.linalg.norm(states[:, Q], axis=1, keepdims=True)
+        states[:, Q] = attitude.normalised(states[:, Q])
         return states
 
     def _wrench(self, context, x: np.ndarray, u: np.ndarray, step: float) -> np.ndarray:
@@ -137,5 +137,5 @@ def _finer(x: np.ndarray, parts: int) -> np.ndarray:
     share = (np.arange(parts) / parts)[:, None]
     between = (1 - share) * x[:-1, None] + share * x[1:, None]
     states = np.vstack([between.reshape(-1, 13), x[-1:]])
-    states[:, Q] /= np.linalg.norm(states[:, Q], axis=1, keepdims=True)
+    states[:, Q] = attitude.normalised(states[:, Q])
     return states

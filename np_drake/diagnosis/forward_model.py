@@ -359,10 +359,7 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
 def _turn_rate(t: np.ndarray, read: Measurement) -> np.ndarray:
     """Return the mean rate of the measured attitude between rows (n-1, 3) in B [rad/s]."""
     q = read.x[:, Q]
-    return (
-        attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
-        / np.diff(t)[:, None]
-    )
+    return attitude.turn_between(q[:-1], q[1:]) / np.diff(t)[:, None]
 
 
 def _specific_force(flight: FlightResiduals, read: Measurement) -> np.ndarray:
@@ -419,7 +416,7 @@ def true_measurement(
         for effect in effects:
             again = effect.measure(vehicle, again, np.zeros((len(read.x), 0)))
         x = truth.x + read.x - again.x
-        x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
+        x[:, Q] = attitude.normalised(x[:, Q])
         truth = dc.replace(read, x=x, a=truth.a + read.a - again.a)
     return truth
 

@@ -71,7 +71,7 @@ def _step(model: FlightModel, v: Values, x: np.ndarray, rotors: Rotors, h: float
     three = _rate(model, v, x + 0.5 * h * two, rotors)
     four = _rate(model, v, x + h * three, rotors)
     out = x + h / 6 * (one + 2 * two + 2 * three + four)
-    out[:, Q] /= np.linalg.norm(out[:, Q], axis=1, keepdims=True)
+    out[:, Q] = attitude.normalised(out[:, Q])
     return out
 
 

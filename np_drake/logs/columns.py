@@ -161,7 +161,7 @@ def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
     if "voltage" in fields:
         arrays["voltage"] = arrays["voltage"][:, 0]
     q = table.array(COLUMNS["q"])
-    arrays |= {"t": t, "q": q / np.linalg.norm(q, axis=1, keepdims=True)}
+    arrays |= {"t": t, "q": attitude.normalised(q)}
     log = FlightLog(**arrays, name=name)  # type: ignore[arg-type]
     extra = [column for column in table.columns if column not in NAMES]
     if extra:

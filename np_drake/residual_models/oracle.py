@@ -66,7 +66,7 @@ class TrueModel:
         starts = t + step * np.arange(len(u))
         thrust, command = self._thrusts(u, starts, step, rotor_thrust)
         middle = 0.5 * (x[:-1] + x[1:])
-        middle[:, Q] /= np.linalg.norm(middle[:, Q], axis=1, keepdims=True)
+        middle[:, Q] = attitude.normalised(middle[:, Q])
         wrong = (thrust - command) @ self.believed.mixer.T
         chi = np.concatenate([wrong[:, :1] * attitude.body_z(middle[:, Q]), wrong[:, 1:]], axis=1)
         motion = Motion(starts + 0.5 * step, middle, thrust)

@@ -165,7 +165,7 @@ def _evenly(log: FlightLog, finest: float = LEAST_STEP) -> tuple[np.ndarray, dic
     at = {name: Signal(log.t, values).linear(even) for name, values in x.items()}
     if "attitude" not in log.lacks:
         q = Signal(log.t, attitude.one_hemisphere(log.q, log.q[0])).linear(even)
-        at["attitude"] = q / np.linalg.norm(q, axis=1, keepdims=True)
+        at["attitude"] = attitude.normalised(q)
     return even, at
 
 

@@ -186,7 +186,7 @@ class FlightResiduals:
         """(m, 4) attitude on the grid."""
         near = attitude.one_hemisphere(self.rows.q, self.rows.q[0])
         q = Signal(self.rows.t, near).linear(self.t)
-        return q / np.linalg.norm(q, axis=1, keepdims=True)
+        return attitude.normalised(q)
 
     @cached_property
     def R_WB(self) -> np.ndarray:
@@ -486,7 +486,7 @@ def _channels(
     al = np.diff(log.w, axis=0) / dt
     torque = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T) - u_mids[:, 1:]
     e_v = attitude.rotate_back(mids.q, np.diff(log.p, axis=0) / dt - mids.x[:, V])
-    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:]))
+    turn = attitude.turn_between(log.q[:-1], log.q[1:])
     return force, np.concatenate([torque, e_v, e_a, turn / dt - w], axis=1)
 
 

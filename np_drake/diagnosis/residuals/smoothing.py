@@ -76,7 +76,7 @@ def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instant
     al = low_pass(np.diff(log.w, axis=0) / dt, step, REGRESSOR_BAND)
     x = np.concatenate([log.p, smooth, log.v, log.w], axis=1)
     x_mid = 0.5 * (x[1:] + x[:-1])
-    x_mid[:, Q] /= np.linalg.norm(x_mid[:, Q], axis=1, keepdims=True)
+    x_mid[:, Q] = attitude.normalised(x_mid[:, Q])
     if log.a is None:
         rate = np.diff(log.v, axis=0) / dt
         a = low_pass(_corrected_acceleration(t_mid, x_mid[:, P], rate), step, REGRESSOR_BAND)
@@ -230,7 +230,7 @@ def _without_drift(carried: np.ndarray, q: np.ndarray, step: float) -> np.ndarra
         carried = attitude.multiply(
             attitude.from_rotation_vector(low_pass(drift, step, DRIFT, pad=1.0)), carried
         )
-        error = attitude.rotation_vector(attitude.multiply(attitude.conjugate(carried), q))
+        error = attitude.turn_between(carried, q)
         reading_error = low_pass(error, step, DRIFT, pad=1.0)
     return carried
 
@@ -250,10 +250,10 @@ def smooth_attitude(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> tuple[np.nda
     step = float(np.median(np.diff(t)))
     if 0.5 / step <= 2 * CROSSOVER or len(t) < 30:
         return q, 0.0
-    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
+    turned = attitude.turn_between(q[:-1], q[1:])
     bias = np.sum(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None] - turned, axis=0) / (t[-1] - t[0])
     carried = _without_drift(attitude.integrated(t, q[0], w - bias), q, step)
-    error = attitude.rotation_vector(attitude.multiply(attitude.conjugate(carried), q))
+    error = attitude.turn_between(carried, q)
     # white alone: biases are smooth
     noise = float(np.sqrt(np.mean(np.diff(error, n=2, axis=0) ** 2) / 6))
     if noise < QUIET:

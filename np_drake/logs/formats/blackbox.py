@@ -287,7 +287,7 @@ def _known_axes(of_imu: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """Return the rows (n,) behind the last at which the IMU's attitude jumps before any turn of it
     is learnt.
     """
-    steps = attitude.rotation_vector(attitude.multiply(attitude.conjugate(of_imu[:-1]), of_imu[1:]))
+    steps = attitude.turn_between(of_imu[:-1], of_imu[1:])
     jumps = np.flatnonzero(
         np.all(turn[1:, 1:] == 0, axis=1) & (np.linalg.norm(steps, axis=1) > FORGETS)
     )

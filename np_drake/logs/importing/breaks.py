@@ -151,10 +151,7 @@ def find_breaks(
     if "attitude" in signals:
         q = convert_quantity("attitude", signals["attitude"].values, log_map)
         seen += _jumps(
-            signals["attitude"].t,
-            attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:])),
-            "attitude",
-            asked,
+            signals["attitude"].t, attitude.turn_between(q[:-1], q[1:]), "attitude", asked
         )
     apart = (b for b in seen if not any(b.before < s.after > s.before < b.after for s in bridged))
     return _joined([*breaks, *apart])

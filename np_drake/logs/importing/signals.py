@@ -86,11 +86,7 @@ class Signal:
         rates.
         """
         x = self.values
-        change = (
-            attitude.rotation_vector(attitude.multiply(attitude.conjugate(x[:-1]), x[1:]))
-            if x.shape[1] == 4
-            else np.diff(x, axis=0)
-        )
+        change = attitude.turn_between(x[:-1], x[1:]) if x.shape[1] == 4 else np.diff(x, axis=0)
         return Signal(0.5 * (self.t[1:] + self.t[:-1]), change / np.diff(self.t)[:, None])
 
     def between(self, start: float, stop: float) -> "Signal":
@@ -144,12 +140,12 @@ class Signal:
         """
         i = self.before(at)
         q = self.values
-        step = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
+        step = attitude.turn_between(q[:-1], q[1:])
         turn = self._share(i, at) * step[i]
         if rate is not None:
             turn += self._bulge(rate, at) * self.within_wide(rate, i)
         out = attitude.multiply(q[i], attitude.from_rotation_vector(turn))
-        return out / np.linalg.norm(out, axis=1, keepdims=True)
+        return attitude.normalised(out)
 
     def _bulge(self, rate: "Signal", at: np.ndarray) -> np.ndarray:
         """Return what the integral of a rate adds to a line between samples, (m, k)."""
