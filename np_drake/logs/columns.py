@@ -14,6 +14,8 @@ from np_drake.flight_log import COLUMNS as COLUMNS
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError, place
 
+Arrays = dict[str, np.ndarray]  # columns (n,) by name
+
 
 @dc.dataclass
 class Table:
@@ -26,7 +28,7 @@ class Table:
     """
 
     path: str
-    columns: dict[str, np.ndarray]  # name -> (n,)
+    columns: Arrays
     unreadable: list[tuple[int, str, str]] = dc.field(default_factory=list)
     ragged: list[int] = dc.field(default_factory=list)
     header_lines: int = 1
@@ -34,7 +36,7 @@ class Table:
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))
 
-    def with_columns(self, columns: dict[str, np.ndarray]) -> "Table":
+    def with_columns(self, columns: Arrays) -> "Table":
         """Return a table of the same file with other columns."""
         return Table(self.path, columns, header_lines=self.header_lines)
 
@@ -169,7 +171,7 @@ def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
     return log
 
 
-def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
+def disassemble(log: FlightLog) -> Arrays:
     """Return columns (n,) in the order of the format.
 
     What a reader derives again is left out: a command from rotor speed or throttle, a torque that

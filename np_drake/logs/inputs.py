@@ -321,8 +321,10 @@ def _speed_and_lift(logs: Sequence[FlightLog], vehicle: Vehicle) -> tuple[np.nda
 
 
 WORDS = {  # of inputs, the best known first
-    **{"command": "the command", "rotor_speed": "rotor speed"},
-    **{"thrust_only": "thrust alone", "normalised": "throttle"},
+    "command": "the command",
+    "rotor_speed": "rotor speed",
+    "thrust_only": "thrust alone",
+    "normalised": "throttle",
 }
 
 

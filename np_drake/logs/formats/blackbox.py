@@ -29,6 +29,7 @@ from np_drake import attitude
 from np_drake.checks import require
 from np_drake.files.file_access import decompressed_start
 from np_drake.finding import Finding, Kind
+from np_drake.logs.columns import Arrays
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox_frames import (
     BATTERY,
@@ -55,11 +56,14 @@ from np_drake.logs.formats.format import (
     Contents,
     Format,
     Motors,
+    Parameters,
     Progress,
     Recording,
     Scanned,
     StatedBreak,
     Stream,
+    StreamColumns,
+    Wanted,
     expanded,
     first_source,
     indexed,
@@ -67,7 +71,7 @@ from np_drake.logs.formats.format import (
     read_content,
     scanned,
 )
-from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.log_map import LogMap, Source, Values
 from np_drake.vehicle.rotor_layout import FIRMWARE
 
 MOTOR = re.compile(r"motor\[\d\]")
@@ -158,7 +162,7 @@ def default_map(contents: Contents) -> LogMap | None:
     return log_map
 
 
-def _command(settings: Mapping[str, float]) -> str:
+def _command(settings: Parameters) -> str:
     return "held_after" if settings.get("P interval", 1.0) == 1 else "sampled"
 
 
@@ -228,7 +232,7 @@ def motors(contents: Contents) -> Motors:
     )
 
 
-def _gyro_delay(settings: Mapping[str, float]) -> float:
+def _gyro_delay(settings: Parameters) -> float:
     """Return the delay of the filters of the gyro whose cutoff the header states [s]; the moving
     ones are left out.
     """
@@ -253,7 +257,7 @@ def of_the_body(names: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...
     return next((pair for pair in BODIES.items() if set(pair[0]) <= set(names)), ((), ()))
 
 
-def body_values(main: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def body_values(main: Values) -> Arrays:
     """Return the columns of the body (n,).
 
     Args:
@@ -275,7 +279,7 @@ def body_values(main: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: np.where(known, values, np.nan) for name, values in body.items()}
 
 
-def _vectors(columns: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
+def _vectors(columns: Values, names: Sequence[str]) -> np.ndarray:
     return np.stack([columns[name] for name in names], axis=1)
 
 
@@ -352,7 +356,7 @@ class _Session:
     frames: Frames
 
     @property
-    def columns(self) -> dict[str, tuple[str, ...]]:
+    def columns(self) -> StreamColumns:
         """Names of the columns of every stream."""
         main = tuple(name for name in self.names if name != "time")
         body = of_the_body(main)[1]
@@ -550,7 +554,7 @@ def _contents(path: Path) -> Contents:
     return Scanned(session.columns, _parameters(session), other=other)
 
 
-def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+def _read(path: Path, wanted: Wanted, progress: Progress) -> Recording:
     """Decode the wanted fields of all logs of a file that share their fields and scales.
 
     Raises: LogError: if no header is whole, or no log has a frame.
@@ -613,7 +617,7 @@ def _parameters(session: _Session) -> dict[str, float]:
 
 
 def _decoded(
-    session: _Session, content: bytes, wanted: Mapping[str, list[str]]
+    session: _Session, content: bytes, wanted: Wanted
 ) -> tuple[dict[str, Stream], np.ndarray]:
     """Return the wanted streams of one log, and what is counted of it."""
     names = list(wanted.get(MAIN, ()))

@@ -32,6 +32,7 @@ import numpy as np
 from np_drake.checks import require
 from np_drake.files.file_access import decompressed_start
 from np_drake.finding import Finding, Kind
+from np_drake.logs.columns import Arrays
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import (
     Contents,
@@ -40,6 +41,7 @@ from np_drake.logs.formats.format import (
     Progress,
     Recording,
     Stream,
+    Wanted,
     expanded,
     first_source,
     read_content,
@@ -92,7 +94,7 @@ def contents(path: Path) -> Contents:
     return {TABLE: (*names, *(PARTS if QUATERNION in names else ()))}
 
 
-def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+def read(path: Path, wanted: Wanted, progress: Progress) -> Recording:
     """Decode the wanted variables of the wanted events.
 
     Raises: LogError: if the header is damaged, or no record is whole.
@@ -103,7 +105,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     return of_kind(path, content, wanted)
 
 
-def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) -> Recording:
+def _read_events(path: Path, content: bytes, wanted: Wanted) -> Recording:
     version, events, start = _header(path, content)
     starts: dict[int, list[int]] = {key: [] for key in events}
     sizes = {key: record.itemsize for key, (_, _, record) in events.items()}
@@ -239,7 +241,7 @@ def _different(names: Sequence[str]) -> list[str]:
     return list(different)
 
 
-def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) -> Recording:
+def _read_blocks(path: Path, content: bytes, wanted: Wanted) -> Recording:
     variables, at = _variables(path, content)
     record = np.dtype([(name, kind) for name, kind in variables])
     pieces: list[bytes] = []
@@ -296,7 +298,7 @@ def _variables(path: Path, content: bytes) -> tuple[list[tuple[str, str]], int]:
     return [(name, kind) for name, (_, kind) in zip(names, variables, strict=True)], at + 4
 
 
-def _quaternions(packed: np.ndarray) -> dict[str, np.ndarray]:
+def _quaternions(packed: np.ndarray) -> Arrays:
     """Return the components x, y, z, w (n,) of quaternions in 32 bits, by name.
 
     Two bits tell the largest component, which is positive; of the others each has a sign and nine

@@ -30,11 +30,15 @@ from np_drake.logs.formats.format import (
     Contents,
     Format,
     Motors,
+    Parameters,
     Progress,
     Recording,
     Scanned,
+    Shaking,
     StatedBreak,
     Stream,
+    StreamColumns,
+    Wanted,
     expanded,
     first_source,
     no_progress,
@@ -134,7 +138,7 @@ def motors(contents: Contents) -> Motors:
     )
 
 
-def _outputs(parameters: Mapping[str, float]) -> list[int]:
+def _outputs(parameters: Parameters) -> list[int]:
     """Return the outputs of motor 1, 2, …; none where no parameter says it."""
     matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
     motors = [
@@ -160,7 +164,7 @@ def _escs(contents: Contents, outputs: Sequence[int]) -> list[str]:
     return []
 
 
-def _layout(parameters: Mapping[str, float]) -> RotorLayout | None:
+def _layout(parameters: Parameters) -> RotorLayout | None:
     """Return where four rotors are, by class and type of the frame; None where these do not say."""
     kind = QUADS.get(int(parameters.get("FRAME_TYPE", -1)))
     if kind is None or int(parameters.get("FRAME_CLASS", 0)) != 1:
@@ -226,9 +230,7 @@ VIBRATIONS = ("VibeX", "VibeY", "VibeZ")
 MOST_VIBRATION = 30.0  # of VIBE [m/s²]. Source: ArduPilot, "Measuring Vibration"
 
 
-def shaken(
-    t: np.ndarray, clips: np.ndarray, vibrations: np.ndarray, name: str
-) -> tuple[tuple[int, ...], list[Finding]]:
+def shaken(t: np.ndarray, clips: np.ndarray, vibrations: np.ndarray, name: str) -> Shaking:
     """Return the axes along which an accelerometer clips, all as ArduPilot does not tell which, and
     the finding on vibration, if any.
 
@@ -362,7 +364,7 @@ def _index(library: Any, path: Path, progress: Progress) -> Any:
 
 def _contents(path: Path) -> Contents:
     log = _Log(path, no_progress)
-    contents: dict[str, tuple[str, ...]] = {}
+    contents: StreamColumns = {}
     for message in log.messages.values():
         if len(message.starts) and message.time and message.numbers:
             instances = message.instances()
@@ -384,7 +386,7 @@ def _contents(path: Path) -> Contents:
     return Scanned(contents, parameters, other=other)
 
 
-def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+def _read(path: Path, wanted: Wanted, progress: Progress) -> Recording:
     log = _Log(path, lambda share: progress(0.7 * share))
     streams = {name: _stream(log, name, columns) for name, columns in wanted.items()}
     progress(1.0)
@@ -416,7 +418,7 @@ def _errors(log: _Log) -> Iterator[tuple[float, str]]:
             yield _number(t) * 1e-6, SUBSYSTEMS[number - 1]
 
 
-def _shaken(log: _Log) -> tuple[tuple[int, ...], list[Finding]]:
+def _shaken(log: _Log) -> Shaking:
     """Return what `shaken` does of VIBE, of its first instance."""
     message = log.timed("VIBE", VIBRATIONS)
     if message is None:

@@ -12,11 +12,15 @@ import numpy as np
 from np_drake.files.file_access import decompressed, require_plain_file
 from np_drake.finding import Finding, Kind
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.log_map import LogMap, Source, Values
 from np_drake.vehicle.rotor_layout import RotorLayout
 
 Progress = Callable[[float], None]  # called with the share of a file that is read [1]
 Contents = Mapping[str, tuple[str, ...]]  # names of the columns of every stream
+StreamColumns = dict[str, tuple[str, ...]]  # the same, while a reader collects them
+Wanted = Mapping[str, list[str]]  # columns that are to be read, by stream
+Parameters = Mapping[str, float]  # what a header states in numbers, by name
+Shaking = tuple[tuple[int, ...], list[Finding]]  # axes that clip, and what is reported
 
 
 def no_progress(share: float) -> None:
@@ -32,7 +36,7 @@ class Stream:
     """
 
     t: np.ndarray
-    columns: Mapping[str, np.ndarray]
+    columns: Values
 
     def __len__(self) -> int:
         return len(self.t)
@@ -104,7 +108,7 @@ def shaking(level: float, most: float, name: str) -> list[Finding]:
     return [Finding(Kind.VEHICLE, REPORTS, text)] if level > most else []
 
 
-class Scanned(dict[str, tuple[str, ...]]):
+class Scanned(StreamColumns):
     """Contents, with what a header and the rows of rotors say.
 
     Args:
@@ -116,10 +120,10 @@ class Scanned(dict[str, tuple[str, ...]]):
 
     def __init__(
         self,
-        streams: Mapping[str, tuple[str, ...]],
-        parameters: Mapping[str, float] | None = None,
-        rates: Mapping[str, float] | None = None,
-        values: Mapping[str, float] | None = None,
+        streams: Contents,
+        parameters: Parameters | None = None,
+        rates: Parameters | None = None,
+        values: Parameters | None = None,
         *,
         other: str = "",
         cut: bool = False,
@@ -267,7 +271,7 @@ class Format:
     recognises: Callable[[Path, bytes], bool]
     contents: Callable[[Path], Contents]
     default_map: Callable[[Contents], LogMap | None]
-    read: Callable[[Path, Mapping[str, list[str]], Progress], Recording]
+    read: Callable[[Path, Wanted, Progress], Recording]
     motors: Callable[[Contents], Motors] = lambda contents: Motors()
     advice: str = ""
 

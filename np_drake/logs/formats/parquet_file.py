@@ -5,11 +5,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from np_drake.checks import require
 from np_drake.files.file_access import atomic_path, note_input, text_budget
-from np_drake.logs.columns import Table
+from np_drake.logs.columns import Arrays, Table
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.text_table import require_cells, require_names, too_large
 from np_drake.logs.importing.log_map import UNITS
@@ -42,7 +40,7 @@ def read_parquet(path: str | Path) -> Table:
     return Table(str(path), {name.strip(): v for name, v in columns.items()}, header_lines=0)
 
 
-def write_parquet(path: str | Path, columns: dict[str, np.ndarray]) -> None:
+def write_parquet(path: str | Path, columns: Arrays) -> None:
     """Write columns (n,) by name atomically.
 
     Raises: LogError: without pyarrow.
@@ -64,7 +62,7 @@ def column_names(path: Path) -> list[str]:
     return names
 
 
-def read_columns(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
+def read_columns(path: Path, names: Sequence[str]) -> Arrays:
     """Return columns (n,) by name, null as NaN, times in s.
 
     Raises: LogError: as `column_names`.
@@ -115,7 +113,7 @@ def _is(pyarrow: Any, kind: Any, *words: str) -> bool:
     return any(getattr(pyarrow.types, f"is_{word}")(kind) for word in words)
 
 
-def _columns(pyarrow: Any, file: Any, names: Sequence[str]) -> dict[str, np.ndarray]:
+def _columns(pyarrow: Any, file: Any, names: Sequence[str]) -> Arrays:
     """Return columns (n,) of numbers, times in s."""
     table = file.read(columns=list(names))
     columns = {}

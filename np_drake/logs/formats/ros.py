@@ -30,6 +30,7 @@ import numpy as np
 from np_drake.checks import require
 from np_drake.files.file_access import note_input, size_of
 from np_drake.finding import Finding, Kind
+from np_drake.logs.columns import Arrays
 from np_drake.logs.errors import LogError, one_line, optional_package, refusing_damage
 from np_drake.logs.formats.format import (
     Contents,
@@ -37,6 +38,8 @@ from np_drake.logs.formats.format import (
     Progress,
     Recording,
     Stream,
+    StreamColumns,
+    Wanted,
     expanded,
     first_source,
 )
@@ -314,7 +317,7 @@ def _types_of(kind: str, definition: Any) -> dict[str, Any]:
 
 
 def _contents(path: Path) -> Contents:
-    contents: dict[str, tuple[str, ...]] = {}
+    contents: StreamColumns = {}
     with _open(path) as bag:
         for name, topic in bag.topics.items():
             columns: list[str] = []
@@ -400,7 +403,7 @@ class _Rows:
         return received[order], stamps[order], numbers[order]
 
 
-def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+def _read(path: Path, wanted: Wanted, progress: Progress) -> Recording:
     with _open(path) as bag:
         lacking = next((name for name in wanted if name not in bag.topics), None)
         require(
@@ -427,9 +430,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         if topic_rows.damaged:
             bag.report(f"{name}: {topic_rows.damaged} messages are damaged")
     read = {name: r.in_order() for name, r in rows.items()}
-    times, clocks = _times(
-        {name: (received, stamps) for name, (received, stamps, _) in read.items()}
-    )
+    times, clocks = _times(read)
     streams = {
         name: Stream(times[name], dict(zip(wanted[name], numbers.T, strict=True)))
         for name, (_, _, numbers) in read.items()
@@ -440,22 +441,22 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
 
 
 def _times(
-    clocks: Mapping[str, tuple[np.ndarray, np.ndarray]],
-) -> tuple[dict[str, np.ndarray], list[str]]:
+    clocks: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]],
+) -> tuple[Arrays, list[str]]:
     """Return the times of all topics on one clock [s], and a note on every topic's clock.
 
     Args:
-        clocks: times of receipt (n,) and stamps (n,) [ns]; 0: a message has none.
+        clocks: times of receipt (n,), stamps (n,) [ns], 0: a message has none, and numbers.
     """
     delays = {
         name: int(np.median(stamps - received)) if stamps.all() else 0
-        for name, (received, stamps) in clocks.items()
+        for name, (received, stamps, _) in clocks.items()
         if len(stamps)
     }
     apart = bool(delays) and max(delays.values()) - min(delays.values()) > SAME_CLOCK
     chosen = {}
     notes = []
-    for name, (received, stamps) in clocks.items():
+    for name, (received, stamps, _) in clocks.items():
         stamped = len(stamps) > 0 and stamps.all() and not apart
         chosen[name] = stamps if stamped else received
         why = "the clocks of the stamps differ" if apart else "not all messages have a stamp"

@@ -10,7 +10,6 @@ command, `hover_throttle` the one that hovers, by battery voltage; thrust grows 
 power of their quotient about hover. `pwm` [us] is that of the four motors.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,15 @@ import numpy as np
 from np_drake.finding import Finding
 from np_drake.logs.columns import COLUMNS, FORCE, THRUST
 from np_drake.logs.formats import parquet_file, text_table
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, indexed
+from np_drake.logs.formats.format import (
+    Contents,
+    Format,
+    Progress,
+    Recording,
+    Stream,
+    Wanted,
+    indexed,
+)
 from np_drake.logs.formats.text_table import first_lines, split_header, stated_units
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 
@@ -100,7 +107,7 @@ def default_map(contents: Contents) -> LogMap | None:
     return log_map.check()
 
 
-def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+def read(path: Path, wanted: Wanted, progress: Progress) -> Recording:
     """Return the wanted columns as one stream, its times from the first of `TIMES` that is there.
 
     Without such a column all times are NaN: `with_map_time` takes them from the column that the map

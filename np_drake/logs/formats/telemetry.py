@@ -10,7 +10,7 @@ Source: MAVLink developer guide, "Packet Serialization" and the common messages.
 
 import contextlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,11 +28,14 @@ from np_drake.logs.formats.format import (
     Contents,
     Format,
     Motors,
+    Parameters,
     Progress,
     Recording,
     Scanned,
     StatedBreak,
     Stream,
+    StreamColumns,
+    Wanted,
     expanded,
     first_source,
     indexed,
@@ -174,7 +177,7 @@ def _contents(path: Path) -> Contents:
     """
     log = _Log(path)
     parameters = _parameters(log)
-    contents: dict[str, tuple[str, ...]] = {}
+    contents: StreamColumns = {}
     for name, number in log.names.items():
         kind = log.library.mavlink_map[number]
         columns = _columns(kind)
@@ -189,7 +192,7 @@ def _contents(path: Path) -> Contents:
     return Scanned(contents, parameters, other=ulog.other_vehicle(parameters), cut=log.cut)
 
 
-def _is_ardupilot(parameters: Mapping[str, float]) -> bool:
+def _is_ardupilot(parameters: Parameters) -> bool:
     return AUTOPILOTS.get(int(parameters.get("MAV_AUTOPILOT", 0))) == "ArduPilot"
 
 
@@ -228,7 +231,7 @@ class _Clock:
         return np.where(known, since, stamps - lead) + (lead - self._leads[0])
 
 
-def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+def _read(path: Path, wanted: Wanted, progress: Progress) -> Recording:
     log = _Log(path)
     state = max(STATE, key=lambda number: len(log.places.get(number, ())))
     stamps, boot = log.rows(state, ["time_boot_ms"])
@@ -283,7 +286,7 @@ def motors(contents: Contents) -> Motors:
         elif speed := SPEEDS.fullmatch(name):
             px4 = f"esc_status/esc[{speed[1]}].esc_rpm"
             names[f"ESC.{speed[1]}/RPM" if ardupilot else px4] = name
-    streams: dict[str, tuple[str, ...]] = {}
+    streams: StreamColumns = {}
     for name in names:
         stream, column = name.split("/")
         streams[stream] = (*streams.get(stream, ()), column)

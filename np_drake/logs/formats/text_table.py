@@ -33,7 +33,7 @@ from np_drake.files.file_access import (
     text_budget,
 )
 from np_drake.finding import Finding, Kind
-from np_drake.logs.columns import Table
+from np_drake.logs.columns import Arrays, Table
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Progress, indexed, no_progress
 from np_drake.logs.importing.log_map import UNITS
@@ -383,7 +383,7 @@ def read_cells(
     progress: Progress = no_progress,
     *,
     blank: bool = False,
-) -> tuple[dict[str, np.ndarray], list[Fault]]:
+) -> tuple[Arrays, list[Fault]]:
     """Return the numbers of the wanted cells as columns (n,) by name, and the faults in their
     order; numbers are NaN there. Memory is that of the numbers, and one block.
 
@@ -473,7 +473,7 @@ def _row_by_row(
 
 def read_columns(
     path: Path, names: Sequence[str], progress: Progress
-) -> tuple[dict[str, np.ndarray], list[Finding]]:
+) -> tuple[Arrays, list[Finding]]:
     """Return columns (n,) by name, and findings; a last row that is cut off is left out.
 
     Raises: LogError: one line with file, row and column, at a cell that is no number or a row of a
@@ -544,7 +544,7 @@ def read_csv(path: str | Path) -> Table:
     return Table(str(path), columns, bad, ragged, layout.head)
 
 
-def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
+def write_csv(path: str | Path, columns: Arrays) -> None:
     """Write columns (n,) by name atomically, gzip-compressed where the name ends in .gz; numbers
     are read back bit for bit, NaN is an empty cell.
     """

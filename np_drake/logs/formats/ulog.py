@@ -30,11 +30,15 @@ from np_drake.logs.formats.format import (
     Contents,
     Format,
     Motors,
+    Parameters,
     Progress,
     Recording,
     Scanned,
+    Shaking,
     StatedBreak,
     Stream,
+    StreamColumns,
+    Wanted,
     first_source,
     indexed,
     no_progress,
@@ -42,7 +46,7 @@ from np_drake.logs.formats.format import (
     scanned,
     shaking,
 )
-from np_drake.logs.importing.log_map import SIZES, LogMap, Source
+from np_drake.logs.importing.log_map import SIZES, LogMap, Source, Values
 from np_drake.logs.importing.signals import SLOWEST_ROTORS
 from np_drake.vehicle.rotor_layout import FIRMWARE, RotorLayout
 
@@ -55,8 +59,13 @@ MAIN = "PWM_MAIN"  # group whose driver PX4 starts before those of others: the f
 BY_TYPE = {2: 4, 13: 6, 14: 8}  # rotors by MAV_TYPE
 # Vehicles that are no multicopters. Source: MAVLink's MAV_TYPE, PX4's parameter reference.
 TYPES = {
-    **{1: "a plane", 3: "a helicopter", 4: "a helicopter", 10: "a rover", 11: "a boat"},
-    **{12: "a submarine", 15: "a tricopter"},
+    1: "a plane",
+    3: "a helicopter",
+    4: "a helicopter",
+    10: "a rover",
+    11: "a boat",
+    12: "a submarine",
+    15: "a tricopter",
     **dict.fromkeys(range(19, 26), "a VTOL"),
 }
 AIRFRAMES = {
@@ -68,7 +77,6 @@ AIRFRAMES = {
 DSHOT_TIMERS = range(-5, -1)  # PWM_MAIN_TIMn of DShot 150 to 1200
 # of outputs whose parameters do not say
 ENDS = {"UAVCAN_EC": (0.0, 8191.0), "SIM_GZ_EC": (0.0, 1000.0)}
-Parameters = Mapping[str, float]
 
 
 def motors(contents: Contents, slowest: float = 0.0) -> Motors:
@@ -258,7 +266,7 @@ def _layout(parameters: Parameters, lifting: Sequence[int]) -> RotorLayout | Non
     return None
 
 
-def _rotor_speed(contents: Contents, values: Mapping[str, float], lifting: Sequence[int]) -> Source:
+def _rotor_speed(contents: Contents, values: Parameters, lifting: Sequence[int]) -> Source:
     """Return the speeds of the four motors that report; in the order of their functions where these
     are logged.
     """
@@ -431,7 +439,7 @@ def _contents(path: Path) -> Contents:
     Raises: LogError: if it is no ULog file, or pyulog is not installed.
     """
     log, cut = _parse(path, None, no_progress)
-    contents: dict[str, tuple[str, ...]] = {}
+    contents: StreamColumns = {}
     rates: dict[str, float] = {}
     values: dict[str, float] = {}
     for data in sorted(log.data_list, key=lambda data: data.msg_id):  # as the log names them
@@ -492,7 +500,7 @@ def _lift(log: Any, t: np.ndarray, outputs: Sequence[np.ndarray]) -> float:
     return float(np.max(tried @ thrust / np.maximum(sizes, 1e-12)))
 
 
-def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+def _read(path: Path, wanted: Wanted, progress: Progress) -> Recording:
     """Load the wanted fields of the wanted messages; of a message that is wanted, all fields pass
     through memory.
 
@@ -564,7 +572,7 @@ def _events(log: Any) -> Iterator[tuple[float, str]]:
             yield (message.timestamp - log.start_timestamp) / 1e6, f"{message.message!r}"
 
 
-def _shaken(log: Any) -> tuple[tuple[int, ...], list[Finding]]:
+def _shaken(log: Any) -> Shaking:
     """Return the axes along which the accelerometer clips, by the flags and counters of the log,
     and findings on these and on vibration.
     """
@@ -608,7 +616,7 @@ def _times(
     return since / 1e6, None
 
 
-def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iterator[Finding]:
+def _validity(name: str, t: np.ndarray, flags: Values) -> Iterator[Finding]:
     """Yield a finding for every part of an estimate that is not valid throughout, and one for its
     resets.
     """
@@ -627,7 +635,7 @@ def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iter
         yield Finding(Kind.DAMAGE, name, f"{never} never valid")
 
 
-def _resets(t: np.ndarray, flags: Mapping[str, np.ndarray]) -> list[StatedBreak]:
+def _resets(t: np.ndarray, flags: Values) -> list[StatedBreak]:
     """Return the times at which a counter of resets changes, and of what; where the estimate jumps
     there, it breaks.
     """
@@ -642,7 +650,7 @@ def _resets(t: np.ndarray, flags: Mapping[str, np.ndarray]) -> list[StatedBreak]
     return sorted(resets, key=lambda stated: stated[:2])
 
 
-def _timing(names: Iterable[str], delays: Mapping[str, float]) -> Iterator[Finding]:
+def _timing(names: Iterable[str], delays: Parameters) -> Iterator[Finding]:
     """Yield what the times of the streams are."""
     if delays:
         each = ", ".join(f"{name} ({1000 * delay:.1f} ms)" for name, delay in delays.items())
