@@ -44,12 +44,11 @@ def identified_vehicle(identification: Identification, name: str) -> Vehicle:
             "over it. Give --mass KG."
         )
     fields = _Fields.of(identification)
-    fields.make_inertia_possible(prior)
-    fields.scale_torque(prior)
+    fields.make_inertia_possible()
+    fields.scale_torque()
     throttle = fields.throttle(basis.frame.volts or None)
     fields.add_uncertainties(basis.drive)
     loop = fields.rate_loop(identification.rate_loop)
-    calibration = fields.calibration()
     plain = {f: v for f, v in fields.values.items() if "." not in f and f != "mass"}
     return dc.replace(
         prior,
@@ -57,7 +56,7 @@ def identified_vehicle(identification: Identification, name: str) -> Vehicle:
         mass=basis.mass_of(identification.estimate.layout.values(identification.estimate.z)),
         max_rotor_thrust=throttle.full_thrust if throttle else prior.max_rotor_thrust,
         throttle=throttle,
-        calibration=calibration,
+        calibration=fields.calibration(),
         rate_loop=loop,
         sources=fields.sources,
         intervals=fields.intervals,
@@ -69,9 +68,11 @@ def identified_vehicle(identification: Identification, name: str) -> Vehicle:
 class _Fields:
     """Fields of a vehicle file by name: values, 95 % intervals and sources.
 
+    prior: vehicle whose geometry was given.
     flights: source of what flights tell.
     """
 
+    prior: Vehicle
     flights: str
     values: dict[str, Any] = dc.field(default_factory=dict)
     intervals: dict[str, list[list[float]]] = dc.field(default_factory=dict)
@@ -82,7 +83,7 @@ class _Fields:
         """Return the fields that the quantities of an identification have."""
         prior = identification.prior
         count = len(identification.models)
-        fields = cls(f"identified from {count} flight{'s' if count > 1 else ''}")
+        fields = cls(prior, f"identified from {count} flight{'s' if count > 1 else ''}")
         by_field: dict[str, list[Identified]] = {}
         for q in identification.quantities:
             by_field.setdefault(q.quantity.field, []).append(q)
@@ -96,18 +97,18 @@ class _Fields:
         fields.sources.update(dict.fromkeys(given, f"given: {prior.name}"))
         return fields
 
-    def make_inertia_possible(self, prior: Vehicle) -> None:
+    def make_inertia_possible(self) -> None:
         """Lower zz of the inertia to that of a body."""
-        body = _possible(np.array(self.values.get("inertia", prior.inertia)))
+        body = _possible(np.array(self.values.get("inertia", self.prior.inertia)))
         if body is not None:
             self.values["inertia"] = body.tolist()
             self.sources["inertia"] += "; zz lowered to the largest that a body can have"
 
-    def scale_torque(self, prior: Vehicle) -> None:
+    def scale_torque(self) -> None:
         """Turn the torque, which flights tell over thrust, into its coefficient."""
         field = "torque_coefficient"
         if field in self.values:
-            scale = self.values.get("thrust_coefficient", prior.thrust_coefficient)
+            scale = self.values.get("thrust_coefficient", self.prior.thrust_coefficient)
             self.intervals[field] = [[_rounded(scale * end) for end in self.intervals[field][0]]]
             self.values[field] = _rounded(scale * self.values[field])
 
@@ -165,18 +166,12 @@ def _numbers(
     """Return the value of a field as a vehicle file holds it, and the 95 % intervals of each of its
     numbers row by row; what flights do not tell of an array is the prior's.
     """
-    if field not in SHAPES:
-        return _rounded(quantities[0].value), [
-            [_rounded(quantities[0].low), _rounded(quantities[0].high)]
-        ]
-    start = np.array(prior.inertia, float) if field == "inertia" else np.zeros(SHAPES[field])
-    value = start.copy()
-    low = start.copy()
-    high = start.copy()
+    start = prior.inertia if field == "inertia" else np.zeros(SHAPES.get(field, ()))
+    table = np.stack([start] * 3, axis=-1, dtype=float)  # value, low, high
     for q in quantities:
-        for out, number in ((value, q.value), (low, q.low), (high, q.high)):
-            out[q.quantity.index] = out[q.quantity.index[::-1]] = _rounded(number)
-    return value.tolist(), np.stack([low.ravel(), high.ravel()], axis=1).tolist()
+        numbers = [_rounded(number) for number in (q.value, q.low, q.high)]
+        table[q.quantity.index] = table[q.quantity.index[::-1]] = numbers
+    return table[..., 0].tolist(), table[..., 1:].reshape(-1, 2).tolist()
 
 
 def _source(quantities: Sequence[Identified], named: str) -> str:

@@ -76,9 +76,11 @@ class Identification:
     def quantities(self) -> tuple[Identified, ...]:
         """What is told of the vehicle, in the order of a vehicle file."""
         e = self.estimate
-        layout = self.estimate.layout
+        layout = e.layout
         quantities = []
-        for q in (q for q in QUANTITIES if self.parts.issuperset(q.needs)):
+        for q in QUANTITIES:
+            if not self.parts.issuperset(q.needs):
+                continue
             here, gradient = self.of(q, e.z)
             before, slope = self.of(q, np.zeros_like(e.z))
             sd = float(np.sqrt(e.variance(gradient)))
@@ -134,16 +136,15 @@ def identify(
         hold.
     """
     drive = common_drive(flights, drive)
-    usable, notes = _usable(flights, prior, drive, stop)
-    logs = [log for log, _ in usable]
-    parts = _parts([flight for _, flight in usable], drive)
-    frame = _frame([flight for _, flight in usable], prior, drive)
+    logs, readings, notes = _usable(flights, prior, drive, stop)
+    parts = _parts(readings, drive)
+    frame = _frame(readings, prior, drive)
     basis = _basis(frame, prior, drive, mass, trusted=trusted)
     known = parts | ({"mass"} if basis.coefficient is None and not basis.newtons else {"trusted"})
     known |= {"full"} if frame.throttle < FULL else set()
     step = max(log.step for log in logs)
     layout = Layout.of(parameters(basis.spin, step), parts, len(logs))
-    models = tuple(FlightModel(flight, frame) for _, flight in usable)
+    models = tuple(FlightModel(flight, frame) for flight in readings)
     loops = identify_rate_loop(logs) or ()
     if not loops and all(log.commanded_rates is not None for log in logs):
         notes.append(
@@ -160,9 +161,9 @@ def identify(
 
 def _usable(
     logs: Sequence[FlightLog], prior: Vehicle, drive: str, stop: float
-) -> tuple[list[tuple[FlightLog, Signals]], list[str]]:
-    """Return the logs that tell something of the vehicle with their signals, and a line on each
-    that is left out.
+) -> tuple[list[FlightLog], list[Signals], list[str]]:
+    """Return the logs that tell something of the vehicle, their signals, and a line on each that is
+    left out.
 
     Raises: ValueError: where none does.
     """
@@ -175,19 +176,21 @@ def _usable(
             f"identify: needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s."
         )
     usable = []
+    readings = []
     for log in long:
         flight = signals(log, prior.unmixer, drive).part(0.0, stop)
         if reason := unfit(flight, stop):
             notes.append(f"{log.name}: {reason}; left out")
         else:
-            usable.append((log, flight))
+            usable.append(log)
+            readings.append(flight)
     if not usable:
         raise ValueError(
             f"identify: no flight tells anything of the vehicle. {'; '.join(notes)}. {REMEDY}"
         )
-    if any(flight.command is None for _, flight in usable):
-        usable = [(log, dc.replace(flight, command=None)) for log, flight in usable]
-    return usable, notes
+    if any(flight.command is None for flight in readings):
+        readings = [dc.replace(flight, command=None) for flight in readings]
+    return usable, readings, notes
 
 
 def _basis(frame: Frame, prior: Vehicle, drive: str, mass: float | None, *, trusted: bool) -> Basis:
@@ -238,24 +241,25 @@ def trades(identification: Identification) -> list[tuple[list[str], list[str]]]:
 def doubts(identification: Identification) -> list[str]:
     """Return what physics doubts of the values that flights tell, a sentence each."""
     basis = identification.basis
-    frame = identification.basis.frame
+    frame = basis.frame
     weight = basis.mass_of(identification.estimate.layout.values(identification.estimate.z)) * G
     unit = weight / G * frame.arm**2
     inertias = published_priors().inertia.within(UNUSUAL)
     per_coefficient = (2 * np.pi) ** 2 / (AIR * (2 * frame.radius) ** 4)
-    checks = {  # factor of the quantity, bounds, what they are of, remedy
+    # Factor of the quantity, bounds, what they are of, remedy.
+    inertia = (1.0 / unit, inertias, *OVER_UNIT)
+    thrust = (4.0 / weight, _strengths(identification), *STRENGTH)
+    checks = {
         "thrust coefficient": (per_coefficient, THRUST_NUMBERS, *C_T),
-        "inertia xx": (1.0 / unit, inertias, *OVER_UNIT),
-        "inertia yy": (1.0 / unit, inertias, *OVER_UNIT),
-        "thrust at full throttle": (4.0 / weight, _strengths(identification), *STRENGTH),
-        "thrust at full command": (4.0 / weight, _strengths(identification), *STRENGTH),
+        "inertia xx": inertia,
+        "inertia yy": inertia,
+        "thrust at full throttle": thrust,
+        "thrust at full command": thrust,
     }
     sentences = []
-    for q in (
-        q
-        for q in identification.quantities
-        if q.name in checks and q.observable and not basis.ratios
-    ):
+    for q in identification.quantities:
+        if basis.ratios or not q.observable or q.name not in checks:
+            continue
         factor, (least, most), what, remedy = checks[q.name]
         if q.high * factor < least or q.low * factor > most:
             bounds = f"{least:.2g} to {most:.2g}; got {factor * q.value:.2g}"
@@ -338,6 +342,6 @@ def _frame(flights: Sequence[Signals], prior: Vehicle, drive: str) -> Frame:
         np.array(prior.rotor_directions, float),
         prior.rotor_radius,
         unit,
-        float(np.median(volts)) if volts else 0.0,
+        float(np.median(volts or 0.0)),
         throttle,
     )
