@@ -121,14 +121,14 @@ def content(
 
 def _residual(row: HeldOutErrors) -> list[str]:
     both = zip((row.force, row.torque), ("N", "N·m"), strict=True)
-    sizes = [measure(float(v), unit) for values, unit in both for v in values]
+    sizes = [measure(v, unit) for values, unit in both for v in values]
     return [row.flight, row.model, *sizes]
 
 
 def _open_loop(row: HeldOutErrors) -> list[str]:
     cells = [row.flight, row.model]
     for errors in row.open_loop:
-        *sizes, turned, rates = map(float, errors)
+        *sizes, turned, rates = errors
         cells += [measure(size, unit) for size, unit in zip(sizes, ("m", "m/s"), strict=True)]
         cells.append(f"{fixed(np.degrees(turned), 1)}°" if np.isfinite(turned) else NOTHING)
         cells.append(measure(rates, "rad/s"))
@@ -149,7 +149,7 @@ def _mass(identification: Identification) -> str:
 SHOWN = {
     "m": (1e3, "mm"),
     "m/s": (1e3, "mm/s"),
-    "rad": (float(np.degrees(1.0)), "°"),
+    "rad": (math.degrees(1.0), "°"),
     "1/s": (1.0, "s⁻¹"),
 }
 EACH_ROTOR = "rotor speed, or the throttle of each motor, in the log"
@@ -202,7 +202,7 @@ def half_width(q: Identified, low: float, high: float) -> str:
     """
     if not q.quantity.positive:
         return f"± {number(0.5 * shown_in(q)[0] * (high - low), 2)}"
-    ratio = float((high / low) ** 0.5)
+    ratio = (high / low) ** 0.5
     return f"± {100 * (ratio - 1):.2g} %" if ratio < 1.5 else f"× ÷ {ratio:.2g}"
 
 
@@ -307,7 +307,7 @@ def change(rows: Sequence[HeldOutErrors]) -> str:
     both = []
     for kind in ("force", "torque"):
         before, after = (
-            float(np.sqrt(np.sum([np.square(getattr(r, kind)) for r in rows if r.model == model])))
+            np.sqrt(np.sum([np.square(getattr(r, kind)) for r in rows if r.model == model]))
             for model in ("vehicle file", "identified")
         )
         if before > 0:
@@ -423,7 +423,7 @@ def residual_figure(rows: Sequence[HeldOutErrors]) -> Figure:
     flights = list(dict.fromkeys(row.flight for row in rows))
     models = list(dict.fromkeys(row.model for row in rows))
     for ax, (name, unit) in zip(grid[0], kinds, strict=True):
-        factor, shown = suited(max(float(np.max(getattr(row, name))) for row in rows), unit)
+        factor, shown = suited(max(np.max(getattr(row, name)) for row in rows), unit)
         for row in rows:
             shift = 0.18 * (models.index(row.model) - 0.5 * (len(models) - 1))
             if len(flights) > 1:

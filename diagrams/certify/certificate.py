@@ -62,7 +62,7 @@ class Bound:
         """Rate that is not exceeded, with the confidence [1]; 1 where nothing has flown."""
         k = self.failures
         n = self.flights
-        return 1.0 if k == n else float(stats.beta.ppf(self.confidence, k + 1, n - k))
+        return 1.0 if k == n else stats.beta.ppf(self.confidence, k + 1, n - k)
 
     def lacking(self, limit: float) -> int | None:
         """Return how many more flights without a failure bring the bound to a limit [1]; None where
@@ -131,7 +131,7 @@ class Certificate:
         ground.
         """
         rows = self.confirming
-        return Bound(int(rows[of].sum()), len(rows), self.confidence)
+        return Bound(rows[of].sum(), len(rows), self.confidence)
 
     @property
     def lacking(self) -> int | None:
@@ -170,7 +170,7 @@ class Certificate:
         it.
         """
         values = self.confirming[key].astype(float).fillna(np.inf)
-        return float(values.quantile(share, interpolation="higher"))
+        return values.quantile(share, interpolation="higher")
 
     def drivers(self) -> list[dict[str, Any]]:
         """Return what goes with the largest deviation, most of all first.
@@ -187,7 +187,7 @@ class Certificate:
             ranks = rank[values.index]
             if values.nunique() < 3 or ranks.nunique() < 2:
                 continue
-            rho = float(stats.spearmanr(values, ranks).statistic)
+            rho = stats.spearmanr(values, ranks).statistic
             if abs(rho) * np.sqrt(len(values)) < NOTED:
                 continue
             third = pd.qcut(values.rank(method="first"), 3, labels=False)
@@ -287,7 +287,7 @@ def flown(case: Case, *, config: FlightConfig, over: Sequence[Range], seed: int)
     try:
         flight, drawn = drawn_flight(config, over, case["shares"], seed=(seed, case["flight"]))
     except ValueError as error:
-        asked = {one.name: float(one.at(k)) for one, k in zip(over, case["shares"], strict=True)}
+        asked = {one.name: one.at(k) for one, k in zip(over, case["shares"], strict=True)}
         return lost | {"refused": str(error), "drawn": asked}
     try:
         result = fly(flight, seed=case["flight"])
@@ -298,7 +298,7 @@ def flown(case: Case, *, config: FlightConfig, over: Sequence[Range], seed: int)
         "refused": "",
         "lost": False,
         "grounded": result.below_ground is not None,
-        "peak": float(off.max()),
+        "peak": off.max(),
         "E_xy": result.metrics()["E_xy"],
         "drawn": drawn,
     }
@@ -357,8 +357,11 @@ class _Draws:
         """Fly one flight at each place (n, ranges) [1], and return which of them failed."""
         before = len(self.lines)
         cases = [{"flight": before + k, "shares": row} for k, row in enumerate(shares.tolist())]
-        ranges = [dc.astuple(one) for one in self.over]
-        settings = {"scenario": settings_of(self.config), "over": ranges, "seed": self.run.seed}
+        settings = {
+            "scenario": settings_of(self.config),
+            "over": [dc.astuple(one) for one in self.over],
+            "seed": self.run.seed,
+        }
         work = partial(flown, config=self.config, over=self.over, seed=self.run.seed)
         records = self.run.cases(stage, "flights", work, cases, config=settings)
         for case, result in zip(cases, every_result(records), strict=True):
@@ -417,7 +420,10 @@ def certify(
         f"certify: within [m] must be positive, limit and confidence between 0 and 1, cells 1 to "
         f"{MOST_CELLS}; got {within:g}, {limit:g}, {confidence:g}, {cells}.",
     )
-    _check_ranges(config, over)
+    names = [one.name for one in over]
+    require(len({*names}) == len(names), f"--over: ranges must differ; got {', '.join(names)}.")
+    for one in over:  # a field that the scenario has not is no flight that failed
+        with_value(config, one.name, one.low)
     fewest = FEWEST * math.prod(shape)
     require(
         flights >= (fewest if over else 1),
@@ -434,16 +440,6 @@ def certify(
     return Certificate(
         config, over, part, pd.DataFrame(draws.lines), confidence, limit, within, flights
     )
-
-
-def _check_ranges(config: FlightConfig, over: Sequence[Range]) -> None:
-    """Raise ValueError where two ranges are of one field, or one of a field that the scenario has
-    not, which is no flight that failed.
-    """
-    names = [one.name for one in over]
-    require(len({*names}) == len(names), f"--over: ranges must differ; got {', '.join(names)}.")
-    for one in over:
-        with_value(config, one.name, one.low)
 
 
 def _explored(

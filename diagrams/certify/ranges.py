@@ -218,6 +218,6 @@ def drawn_flight(
     )
     side = 2 * math.pi * rng.random()
     for one, share in zip(over, shares, strict=True):
-        drawn[one.name] = float(one.at(share))
+        drawn[one.name] = one.at(share)
         flight = with_value(flight, one.name, drawn[one.name], side)
     return flight.check_and_step().check_start(), drawn

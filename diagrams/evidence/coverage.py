@@ -130,7 +130,7 @@ def in_band(predicted: pd.DataFrame, seen: pd.DataFrame) -> float:
         * (a - A @ P @ a).std(ddof=A.shape[1])
         * np.sqrt(1 + np.sum((B @ P) ** 2, axis=1))
     )
-    return float((np.abs(b - B @ P @ a) <= within).mean())
+    return (np.abs(b - B @ P @ a) <= within).mean()
 
 
 def without_spread(config: FlightConfig) -> FlightConfig:
@@ -169,19 +169,19 @@ def judged(certificate: Certificate, true: pd.DataFrame) -> dict[str, Any]:
     cell = np.minimum((shares * part.shape).astype(int), np.array(part.shape) - 1)
     inside = true[part[cell[:, 0], cell[:, 1]]]
     flown = len(inside)
-    failed = int(inside["failed"].sum())
+    failed = inside["failed"].sum()
     upper = certificate.bound().upper
-    seen = float(inside["peak"].astype(float).fillna(np.inf).quantile(0.95))
+    seen = inside["peak"].astype(float).fillna(np.inf).quantile(0.95)
     predicted = certificate.quantile("peak", 0.95)
     return {
-        "part": float(part.mean()),
-        "some": bool(part.any()),
+        "part": part.mean(),
+        "some": part.any(),
         "flown": flown,
         "failed": failed,
         "upper": upper,
         "peak_said": predicted,
         "peak_seen": seen,
-        "peak_close": bool(abs(predicted - seen) <= CLOSE * seen) if flown else None,
+        "peak_close": abs(predicted - seen) <= CLOSE * seen if flown else None,
         "band": in_band(certificate.flights, inside),
         "covered": failed <= upper * flown if flown else None,
     }

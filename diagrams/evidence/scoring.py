@@ -38,8 +38,7 @@ def share(outcomes: Iterable[Any]) -> dict[str, Any]:
         return {"count": 0, "n": 0, "rate": None, "ci95": [0.0, 1.0]}
     count = int(values.sum())
     interval = scipy.stats.binomtest(count, n).proportion_ci()
-    ci95 = [float(interval.low), float(interval.high)]
-    return {"count": count, "n": n, "rate": count / n, "ci95": ci95}
+    return {"count": count, "n": n, "rate": count / n, "ci95": [interval.low, interval.high]}
 
 
 def summary(values: Iterable[float | None]) -> dict[str, Any]:
@@ -85,7 +84,7 @@ def binned(
         {
             "lower": edges[int(k)],
             "upper": edges[int(k) + 1],
-            statistic: float(part.agg(statistic)),
+            statistic: part.agg(statistic),
             **share(outcomes[part.index]),
         }
         for k, part in values.groupby(bins)
@@ -113,7 +112,7 @@ def calibration(
     return {
         "n": len(known),
         "bins": rows,
-        "brier": float(((known["p"] - known["right"]) ** 2).mean()),
+        "brier": ((known["p"] - known["right"]) ** 2).mean(),
         "ece": sum(row["n"] * abs(row["rate"] - row["mean"]) for row in rows) / len(known),
     }
 
@@ -122,7 +121,7 @@ AGGREGATES: dict[str, Callable[..., Any]] = {
     "n": len,
     "share": share,
     "sum": lambda values: int(values.sum()),
-    "mean": lambda values: values.mean(),
+    "mean": pd.Series.mean,
     "median": median,
     "most": max,
     "first": lambda values: values.iloc[0],

@@ -91,7 +91,7 @@ def _correlation_time(where: Localisation, channel: int) -> float:
             series = where.after[flight][:, channel]
             series = series[np.isfinite(series)]
             if len(series) > 20:
-                flights.append((float(np.median(np.diff(t))), series - series.mean()))
+                flights.append((np.median(np.diff(t)), series - series.mean()))
     if not flights:
         return SHORTEST
     step = flights[0][0]

@@ -79,7 +79,7 @@ class _Flight:
     def at_start(self, row: int) -> np.ndarray:
         """Return state and payload (16,) of a row from which a replay starts."""
         x = self.states.x[row]
-        t = float(self.states.t[row])
+        t = self.states.t[row]
         payload = split_effects(self.acting(t)).payload
         swing = self.swing(t)
         if payload is None or payload.mass == 0 or swing is None:
@@ -153,9 +153,9 @@ class DrakeReplay:
         for rows in legs:
             # A slow log has a row in several frames.
             later, place = np.unique(rows, return_inverse=True)
-            states = flight.at_start(int(rows[0]))[None]
+            states = flight.at_start(rows[0])[None]
             if len(later) > 1:
-                states = np.vstack([states, self._fly(flight, int(rows[0]), t[later[1:]])])
+                states = np.vstack([states, self._fly(flight, rows[0], t[later[1:]])])
             flown.append(states[place])
         replayed = np.concatenate(flown)
         errors = state_error(replayed[:, :13], flight.states.x[np.concatenate(legs)])
@@ -199,8 +199,8 @@ class DrakeReplay:
         """Return state and payload (len(times), 16) at `times` [s] of a replay from a start row, as
         `Rollout.fly`.
         """
-        now = float(flight.states.t[start])
-        end = float(times[-1])
+        now = flight.states.t[start]
+        end = times[-1]
         state = flight.states.x[start]
         flown: dict[float, np.ndarray] = {}
         for until in [*sorted({onset for _, onset in flight.effects if now < onset < end}), end]:
@@ -210,10 +210,10 @@ class DrakeReplay:
             if key not in self._rollouts:
                 self._rollouts[key] = Rollout(flight.vehicle, flight.acting(now))
             leg = self._rollouts[key].fly(state, flight.commands, stops, flight.swing(now))
-            flown |= dict(zip(stops[1:].tolist(), leg, strict=True))
+            flown |= dict(zip(stops[1:], leg, strict=True))
             now = until
             state = leg[-1, :13]
-        return np.array([flown[float(time)] for time in times])
+        return np.array([flown[time] for time in times])
 
 
 class Commands(NamedTuple):
@@ -312,8 +312,8 @@ class Rollout:
         """Advance from start to stop, the command held between its rows."""
         t, u = commands
         first, last = np.searchsorted(t, [start + 1e-9, stop - 1e-9])  # strictly between them
-        for time, until in itertools.pairwise([start, *t[first:last].tolist(), stop]):
-            row = max(int(np.searchsorted(t, time + 1e-9, side="right")) - 1, 0)
+        for time, until in itertools.pairwise([start, *t[first:last], stop]):
+            row = max(np.searchsorted(t, time + 1e-9, side="right") - 1, 0)
             self._diagram.GetInputPort("u").FixValue(self._root, u[row])
             self._simulator.AdvanceTo(until)
 
@@ -342,7 +342,5 @@ def _integrator(vehicle: Vehicle, payload: PayloadConfig, lags: Sequence[float])
         reduced = payload.mass * vehicle.mass / (payload.mass + vehicle.mass)
         rates += [np.sqrt(payload.stiffness / reduced), payload.damping / reduced]
     return SimulatorConfig(
-        integration_scheme="runge_kutta3",
-        max_step_size=float(1.7 / max(rates)),
-        use_error_control=False,
+        integration_scheme="runge_kutta3", max_step_size=1.7 / max(rates), use_error_control=False
     )

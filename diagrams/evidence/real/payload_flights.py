@@ -226,7 +226,7 @@ def open_campaign(folder: Path) -> dict[str, list[Opened]]:
     }
 
 
-def square_errors(model: ResidualModel, opened: Opened, motion: str) -> dict[str, list]:
+def square_errors(model: ResidualModel, opened: Opened, motion: str) -> dict[str, Any]:
     """Return of forecasts on a flight the sum over origins of the squared error by kind and horizon
     [N², N²m²], and the number of origins by horizon.
 
@@ -242,8 +242,8 @@ def square_errors(model: ResidualModel, opened: Opened, motion: str) -> dict[str
     with np.errstate(over="ignore", invalid="ignore"):
         chi_hat = flight_forecasts(model, seen, list(HORIZONS), first=HISTORY, motion=motion)
         error = np.where(there[..., None], (chi_hat - goal) ** 2, 0.0)
-    square = [error[..., part].sum(axis=(0, 2)).tolist() for part in KINDS.values()]
-    return {"square": square, "count": there.sum(axis=0).tolist()}
+    square = [error[..., part].sum(axis=(0, 2)) for part in KINDS.values()]
+    return {"square": square, "count": there.sum(axis=0)}
 
 
 def held_out_errors(
@@ -288,9 +288,12 @@ def pooled(errors: Mapping[tuple[str, str], Mapping[str, Mapping]]) -> list[dict
             rmse = np.sqrt(square[row, motion].sum(axis=0) / count[row, motion])
         lines += [
             {
-                **{"row": row, "motion": motion, "kind": kind, "horizon": h * STEP},
-                "rmse": float(rmse[k, i]),
-                "ratio": float(once[k, i]),
+                "row": row,
+                "motion": motion,
+                "kind": kind,
+                "horizon": h * STEP,
+                "rmse": rmse[k, i],
+                "ratio": once[k, i],
                 "interval": interval[:, k, i].tolist(),
             }
             for k, kind in enumerate(KINDS)
@@ -314,10 +317,13 @@ def run(
     names = [name for name in ROWS if name in {PERSISTENCE, *wanted}]
     flights = open_campaign(folder)
     cases = [{"manoeuvre": manoeuvre, "row": name} for manoeuvre in flights for name in names]
-    title = "training and scoring"
     config = {"folder": folder.name, "step": STEP}
     records = run.cases(
-        title, "folds of a row", partial(held_out_errors, flights=flights), cases, config=config
+        "training and scoring",
+        "folds of a row",
+        partial(held_out_errors, flights=flights),
+        cases,
+        config=config,
     )
     errors: dict[tuple[str, str], dict[str, Any]] = {}
     for case, result in zip(cases, every_result(records), strict=True):

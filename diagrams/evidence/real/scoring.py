@@ -107,12 +107,12 @@ def wind_figures(
     calm = np.mean([force_of(log, vehicle, drags) for log in flights], axis=0) if drags else 0.0
     wind = np.sum([w.air_velocity(0.0) for w in winds], axis=0)
     across = float(np.linalg.norm(wind[:2]))
-    along = float(wind[:2] @ DIRECTION) / across if across > 0 else math.nan
+    along = wind[:2] @ DIRECTION / across if across > 0 else math.nan
     return {
         "angle": math.degrees(math.acos(np.clip(along, -1, 1))),
-        "force": float((blown - calm)[:2] @ DIRECTION / (measured[:2] @ DIRECTION)),
+        "force": (blown - calm)[:2] @ DIRECTION / (measured[:2] @ DIRECTION),
         "speed": across / speed,
-        "up": float(wind[2]),
+        "up": wind[2],
     }
 
 
@@ -165,7 +165,7 @@ def score_case(
     if case.still:
         calm = mean_force(campaign.logs(case.still), vehicle)
         force = mean_force(train, vehicle) - calm
-        result["force"] = force.tolist()
+        result["force"] = force
         if answer is not None:
             effects = effects_of(answer, methods[THIS]["causes"])
             figures = wind_figures(effects, train, vehicle, force, case.speed)
@@ -306,7 +306,7 @@ def fit(y: np.ndarray, chosen: Sequence[Columns]) -> tuple[np.ndarray, float]:
         weights = _weights(y - X @ c)
     used = weights > 0
     size = len(c) * math.log(len(y) * used.sum())
-    return c, -2.0 * len(y) * float(np.sum(np.log(weights[used]))) + size
+    return c, -2.0 * len(y) * np.sum(np.log(weights[used])) + size
 
 
 def _weights(residual: np.ndarray) -> np.ndarray:
@@ -337,7 +337,7 @@ def select_by_bic(y: np.ndarray, columns: Sequence[Columns]) -> dict[str, float]
         """Chi-squared that is left with these too at the weights so far, and a penalty of size."""
         A, b = _scaled(_joined([*chosen, columns], y), y, weights)
         c = np.linalg.lstsq(A.T @ A, A.T @ b, rcond=1e-12)[0]
-        return float(b @ b - c @ (A.T @ b)) + A.shape[1] * math.log(len(b))
+        return b @ b - c @ (A.T @ b) + A.shape[1] * math.log(len(b))
 
     while len(chosen) < MOST:
         taken = {name for name, _ in chosen}
@@ -349,7 +349,7 @@ def select_by_bic(y: np.ndarray, columns: Sequence[Columns]) -> dict[str, float]
         c, bic, best = min(fits, key=lambda fitted: fitted[1])
         chosen.append(best)
     without = {one[0]: fit(y, [o for o in chosen if o is not one])[1] for one in chosen}
-    return {name: float(scipy.special.expit((other - bic) / 2)) for name, other in without.items()}
+    return {name: scipy.special.expit((other - bic) / 2) for name, other in without.items()}
 
 
 # All cases, by method
@@ -449,7 +449,7 @@ def _names(judged: Sequence[tuple[str, float, bool | None]]) -> str:
 def calibrations(rows: pd.DataFrame) -> dict[str, list[dict[str, Any]]]:
     """Return the calibration of names by method, by bin of probability."""
     return {
-        str(by): calibration(of["judged"], **campaigns.BINS)["bins"]
+        by: calibration(of["judged"], **campaigns.BINS)["bins"]
         for by, of in rows.groupby("by", sort=False)
     }
 

@@ -148,9 +148,9 @@ def _report(
         **_times(seconds),
         "failures": len(answers) - len(answered),
         "fallbacks": sum(answer.status >= MpcStatus.SQP_FALLBACK for answer in answered),
-        "gap_median": float(np.median(gaps)) if answered else np.nan,
-        "gap_max": float(max(gaps, default=np.nan)),
-        "violation_max": float(max((answer.violation for answer in answered), default=np.nan)),
+        "gap_median": np.median(gaps) if answered else np.nan,
+        "gap_max": max(gaps, default=np.nan),
+        "violation_max": max((answer.violation for answer in answered), default=np.nan),
     }
 
 
@@ -160,7 +160,7 @@ Flown = tuple[FlightConfig, Sequence[MpcProblem], dict[str, np.ndarray]]  # with
 def _times(seconds: np.ndarray) -> dict[str, float]:
     """Return median, 95 % and 99 % quantiles and the largest of times (n,) [ms]."""
     quantiles = {"median_ms": 50, "p95_ms": 95, "p99_ms": 99, "max_ms": 100}
-    return {name: float(np.percentile(1e3 * seconds, q)) for name, q in quantiles.items()}
+    return {name: np.percentile(1e3 * seconds, q) for name, q in quantiles.items()}
 
 
 def suite(
@@ -335,7 +335,7 @@ class AcadosSolver:
         for _ in range(steps):
             if status := program.solve():
                 raise SolverFailure(f"MPC: acados: status {status} of the QP.")
-            spent += float(np.sum(program.get_stats("time_tot")))
+            spent += np.sum(program.get_stats("time_tot"))
         T = self.condensed.clip(np.array([program.get(i, "u") for i in range(len(t.T))]))
         with np.errstate(all="ignore"):
             end = self.condensed.rollout(h, T)

@@ -59,7 +59,7 @@ def column_rmse(error: np.ndarray) -> dict[str, float]:
     error = error[np.isfinite(error).all(axis=1)]
     require(len(error) > 0, "column_rmse: the flight must have a row with a label and an estimate.")
     square = np.mean(error**2, axis=0)
-    return {name: float(np.sqrt(square[channels].sum())) for name, channels in CHANNELS.items()}
+    return {name: np.sqrt(square[channels].sum()) for name, channels in CHANNELS.items()}
 
 
 def flights(folder: Path) -> tuple[Segment, dict[str, Segment]]:
@@ -93,7 +93,7 @@ def forecast_errors(model: Predictor, flight: Segment, origins: np.ndarray) -> d
     least = model.window + 2
     require(len(flight) >= least, f"at least {least} samples are needed; got {len(flight)}.")
     seen = of_wrenches(flight.chi, flight.zeta, model.step)
-    first = int(origins[0])
+    first = origins[0]
     chi_hat = flight_forecasts(
         LiftedLinearPredictor.of(model), seen, [1], first=first, motion=CONSTANT, averaged=False
     )
@@ -156,7 +156,7 @@ def run(run: Run, neurobem: Neurobem = None) -> Report:
         models = {name: train(segments, config).model for name, config in ours.items()}
     settings = {name: dc.asdict(config) for name, config in ours.items()}
     table = estimation_table(run, models, tests, settings)
-    below = {row: int((ratios(table, row) <= 1.0).sum()) for row in UNPUBLISHED}
+    below = {row: (ratios(table, row) <= 1.0).sum() for row in UNPUBLISHED}
     shown: list[tuple] = []
     for flight in tests:
         shown.append((flight, *[""] * len(COLUMNS)))

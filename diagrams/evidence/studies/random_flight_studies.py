@@ -73,7 +73,7 @@ def flown(case: Case, row: Row, model: str, *, envelope: Envelope, solver: str) 
     for event in config.events:
         t = s["t"] - event.time
         distance = np.linalg.norm(s["x_true"][:, :3] - s["p_ref"], axis=1)
-        result["peak"] = float(distance[(t >= 0) & (t < WATCHED)].max())
+        result["peak"] = distance[(t >= 0) & (t < WATCHED)].max()
         result["known"] = known_after(t, s["chi_hat"][:, 2])
     return result
 
@@ -84,7 +84,7 @@ def known_after(t: np.ndarray, f_z: np.ndarray) -> float:
     """
     before, after = (f_z[(t >= low) & (t < high)].mean() for low, high in (BEFORE, AFTER))
     there = (t >= 0) & ((f_z - before) / (after - before) >= KNOWN)
-    return float(t[np.argmax(there)]) if there.any() else float("inf")
+    return t[np.argmax(there)] if there.any() else np.inf
 
 
 def _report(
@@ -145,14 +145,14 @@ def compared(flights: pd.DataFrame) -> list[dict[str, Any]]:
                 "kind": kind,
                 "row": row,
                 "flights": len(group),
-                "lost": int(group["gone"].sum()),
+                "lost": group["gone"].sum(),
                 **group[["E_xy", "E_z"]].median().to_dict(),
             }
             mine = group.set_index("draw")["E_xy"]
             for other in {PEER, "hold"}.intersection(errors) - {row}:
                 base = errors.loc[mine.index, other]
-                line[f"{other}_ratio"] = float((mine / base).median())
-                line[f"{other}_better"] = float((mine < base).mean())
+                line[f"{other}_ratio"] = (mine / base).median()
+                line[f"{other}_better"] = (mine < base).mean()
             lines.append(line)
     return lines
 
@@ -196,14 +196,14 @@ def responses(flights: pd.DataFrame) -> list[dict[str, Any]]:
         line: dict[str, Any] = {
             "row": row,
             "flights": len(group),
-            "lost": int(group["gone"].sum()),
-            "soon": float((group["known"].astype(float) <= SOON).mean()),
+            "lost": group["gone"].sum(),
+            "soon": (group["known"].astype(float) <= SOON).mean(),
         }
         for key in ("known", "peak"):
             values = group[key].astype(float).fillna(np.inf)
-            line[key] = float(values.median())
-            line[f"{key}_95"] = float(np.quantile(values, 0.95, method="higher"))
-            line[f"{key}_most"] = float(values.max())
+            line[key] = values.median()
+            line[f"{key}_95"] = np.quantile(values, 0.95, method="higher")
+            line[f"{key}_most"] = values.max()
         lines.append(line)
     return lines
 

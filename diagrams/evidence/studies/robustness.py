@@ -156,19 +156,19 @@ def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = ""
     t = signals["t"]
     distance = np.linalg.norm(signals["x_true"][:, :3] - signals["p_ref"], axis=1)
     far = ~(distance < LOST)  # so that NaN is far
-    lost = bool(why) or bool(far.any())
-    end = int(np.argmax(far)) if far.any() else len(t)
+    lost = why or far.any()
+    end = np.argmax(far) if far.any() else len(t)
     rows = slice(0, max(end, 1))
     status = signals["status"][rows, 0]
     command = signals["u"][rows] @ config.vehicle.unmixer.T / config.vehicle.max_rotor_thrust
     return {
         **dict.fromkeys((*ERRORS, *GROWTHS)),
         **({} if lost else steady_measures(config, signals)),
-        "lost_at": float(t[min(end, len(t) - 1)]) if lost else None,
+        "lost_at": t[min(end, len(t) - 1)] if lost else None,
         "lost": why,
-        "solve_failures": int(np.sum(status >= MpcStatus.SQP_FALLBACK)),
-        "fallbacks": int(np.sum(status >= MpcStatus.SHIFTED_PLAN)),
-        "at_limit": float(np.any((command > 1.0 - 1e-3) | (command < 1e-3), axis=1).mean()),
+        "solve_failures": np.sum(status >= MpcStatus.SQP_FALLBACK),
+        "fallbacks": np.sum(status >= MpcStatus.SHIFTED_PLAN),
+        "at_limit": np.any((command > 1.0 - 1e-3) | (command < 1e-3), axis=1).mean(),
     }
 
 
@@ -202,7 +202,7 @@ def summary(flights: pd.DataFrame) -> dict[str, Any]:
         "…_ci95" (NaN of one seed), "growth", "swing_growth" [1], "spread": largest relative
         deviation of a seed's E_xy from the mean [1], "solve_failures", "at_limit" [1]}.
     """
-    lost = int((flights["lost_at"].notna() | (flights["error"] != "")).sum())
+    lost = (flights["lost_at"].notna() | (flights["error"] != "")).sum()
     line = means(flights, (*ERRORS, *GROWTHS))
     if lost:
         line = dict.fromkeys(line, np.nan)
@@ -210,9 +210,9 @@ def summary(flights: pd.DataFrame) -> dict[str, Any]:
         "flights": len(flights),
         "lost": lost,
         **{key: value for key, value in line.items() if not key.endswith("growth_ci95")},
-        "spread": float((flights["E_xy"].astype(float) / line["E_xy"] - 1.0).abs().max()),
-        "solve_failures": int(flights["solve_failures"].sum()),
-        "at_limit": float(flights["at_limit"].max()),
+        "spread": (flights["E_xy"].astype(float) / line["E_xy"] - 1.0).abs().max(),
+        "solve_failures": flights["solve_failures"].sum(),
+        "at_limit": flights["at_limit"].max(),
     }
 
 
@@ -268,12 +268,12 @@ def grid_table(points: pd.DataFrame) -> list[dict]:
             {
                 "row": row,
                 "points": len(group),
-                "near": float(near.mean()) if len(near) else None,
+                "near": near.mean() if len(near) else None,
                 "worst": worst[0]["over_oracle"] if worst else None,
                 "worst_at": {name: worst[0][name] for name in GRID} if worst else None,
-                "growing": int(group["grows"].sum()),
-                "lost": int(group["lost"].sum()),
-                "flights": int(group["flights"].sum()),
+                "growing": group["grows"].sum(),
+                "lost": group["lost"].sum(),
+                "flights": group["flights"].sum(),
             }
         )
     return lines
@@ -319,9 +319,7 @@ def run(
     work = partial(flown, solver=solver, duration=duration)
     base = flight_config({"seed": 0, **BASE}, solver=solver, duration=duration)
     config = {
-        "solver": solver,
         "training": DITHERED,
-        "training_seed": run.seed,
         "mpc": dc.asdict(load_experiment("circle").controller.mpc),
         "reality": dc.asdict(base.reality),
         "reference": dc.asdict(base.reference),
@@ -342,7 +340,7 @@ def run(
     tables = [errors_printed(table, key, title) for key in ERRORS]
     return Report(
         [*tables, grid_printed(points, title)] if grid else tables,
-        config=config | {"seeds": run.seeds},
+        config=run.settings | config,
         metrics={
             "table": table,
             "grid": {"points": points.to_dict("records"), "table": grid_table(points)},

@@ -287,12 +287,12 @@ class Comparison:
 
     def controllers(self, run: FlownRun, rows: Sequence[Row], model: str) -> dict[str, dict]:
         """Return the controller of each row as `--json` holds it; `model` stands for its file."""
-        controllers = {}
-        for row in rows:
-            trained = row.training and model.format(row.training)
-            config = configure(self.experiments[0], row, model=trained, **run.world)
-            controllers[row.name] = dc.asdict(config.controller)
-        return controllers
+        experiment = self.experiments[0]
+        files = {row: row.training and model.format(row.training) for row in rows}
+        return {
+            row.name: dc.asdict(configure(experiment, row, model=file, **run.world).controller)
+            for row, file in files.items()
+        }
 
 
 def summaries(
@@ -306,8 +306,8 @@ def summaries(
     for (row, experiment), group in groups.items():
         line: dict[str, Any] = {"row": row, **means(group, keys)}
         if (base := groups.get(("nominal", experiment))) is not None:
-            line |= {f"{key}_cut": 1.0 - line[key] / float(base[key].mean()) for key in cuts}
-        yield group, line | {"solve_failures": int(group["solve_failures"].sum())}
+            line |= {f"{key}_cut": 1.0 - line[key] / base[key].mean() for key in cuts}
+        yield group, line | {"solve_failures": group["solve_failures"].sum()}
 
 
 def tidy(records: Sequence[Record]) -> pd.DataFrame:
@@ -322,5 +322,5 @@ def means(flights: pd.DataFrame, keys: Sequence[str]) -> dict[str, float]:
     line: dict[str, float] = {}
     for key in keys:
         values = flights[key].to_numpy(float)
-        line |= {key: float(values.mean()), f"{key}_ci95": half_width(values)}
+        line |= {key: values.mean(), f"{key}_ci95": half_width(values)}
     return line

@@ -97,8 +97,8 @@ def table(runs: Sequence[dict]) -> list[dict]:
         {
             "track": flights["experiment"].iat[0],
             **line,
-            **{f"{key}_sd": float(flights[key].std()) for key in ERRORS},
-            "growth": float(flights["growth"].mean()),
+            **{f"{key}_sd": flights[key].std() for key in ERRORS},
+            "growth": flights["growth"].mean(),
         }
         for flights, line in summaries(runs, ERRORS, ERRORS)
     ]
@@ -268,9 +268,9 @@ def hover_metrics(flight: FlightResult, early: float = EARLY) -> dict:
     kept = ("E_xy", "E_z", "position_rmse", "solve_failures", "fallbacks", "solve_ms")
     return {
         **{key: shared[key] for key in kept},
-        "early": float(np.sqrt(squares.get(False, np.nan))),
-        "late": float(np.sqrt(squares.get(True, np.nan))),
-        "amplitude": float(distance.max()),
+        "early": np.sqrt(squares.get(False, np.nan)),
+        "late": np.sqrt(squares.get(True, np.nan)),
+        "amplitude": distance.max(),
         "rate": metrics.decay_rate(t, distance),
         "settling": metrics.settling_time(t, distance),
     }
@@ -397,21 +397,21 @@ def step_response(t: np.ndarray, courses: np.ndarray) -> dict[str, float]:
     rise = _crossing(t[early], course[early], 0.9)
     late = course[early & (t >= rise)]
     return {
-        "size": float(steps.mean()),
+        "size": steps.mean(),
         "size_ci95": metrics.half_width(steps),
         "rise": rise,
-        "scatter": float(pd.Series(steps).std()),
-        "overshoot": float(course[early].max() - 1.0),
-        "dip": float(1.0 - late.min()) if len(late) else float("nan"),
-        "deviation": float(before.std(axis=1).mean()),
+        "scatter": pd.Series(steps).std(),
+        "overshoot": course[early].max() - 1.0,
+        "dip": 1.0 - late.min() if len(late) else np.nan,
+        "deviation": before.std(axis=1).mean(),
     }
 
 
 def _crossing(t: np.ndarray, y: np.ndarray, level: float) -> float:
     """Return where y first reaches `level`, on the line between samples; inf if it never does."""
-    k = int(np.argmax(y >= level))
+    k = np.argmax(y >= level)
     around = slice(max(k - 1, 0), k + 1)
-    return float(np.interp(level, y[around], t[around])) if y[k] >= level else float("inf")
+    return np.interp(level, y[around], t[around]) if y[k] >= level else np.inf
 
 
 def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
@@ -429,7 +429,7 @@ def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
                     "row": row,
                     "expected": expected,
                     "flights": len(flights),
-                    "height_error": float(np.abs(height).max(axis=1).mean()),
+                    "height_error": np.abs(height).max(axis=1).mean(),
                     "solve_failures": sum(flight["solve_failures"] for flight in flights),
                     "signal": name,
                     **step,
