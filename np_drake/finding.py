@@ -1,6 +1,6 @@
 """Findings: what readers, import, doctor and diagnosis report of a log, by kind.
 
-Where a finding is shown follows from its kind alone (`SHOWN`); its text is for people.
+Where a finding is shown follows from its kind alone (`Kind.shown`); its text is for people.
 """
 
 import dataclasses as dc
@@ -24,31 +24,41 @@ class Place(enum.Flag):
 
 
 class Kind(enum.Enum):
-    """What a finding reports."""
+    """What a finding reports; by itself `np-drake import` prints it."""
 
-    NO_FLIGHT = "no_flight"
+    shown: Place
+    """Where findings of this kind are shown."""
+
+    def __new__(cls, value: str, shown: Place = Place.IMPORT) -> "Kind":
+        """Return a member with its value for the sheet of an import."""
+        kind = object.__new__(cls)
+        kind._value_ = value
+        kind.shown = shown
+        return kind
+
+    NO_FLIGHT = "no_flight", Place.IMPORT | Place.FLIGHT | Place.FAILURE
     """The vehicle does not fly: nothing can be identified."""
-    CONTRADICTION = "contradiction"
+    CONTRADICTION = "contradiction", Place.FAILURE
     """Quantities of the flight contradict each other or its vehicle."""
-    DOUBT = "doubt"
+    DOUBT = "doubt", Place.ANSWER
     """Quantities of the flight agree badly with each other or its vehicle."""
-    NO_MULTICOPTER = "no_multicopter"
+    NO_MULTICOPTER = "no_multicopter", Place.IMPORT | Place.FLIGHT
     """The vehicle has wings, servos or rotors that are not modelled."""
-    STRETCH = "stretch"
+    STRETCH = "stretch", Place.IMPORT | Place.FLIGHT | Place.LIMIT
     """The log agrees with its conventions in one stretch, which is taken."""
-    VEHICLE = "vehicle"
+    VEHICLE = "vehicle", Place.IMPORT | Place.FLIGHT | Place.ANSWER
     """The vehicle reports a warning or an error."""
-    CLIPPING = "clipping"
+    CLIPPING = "clipping", Place.IMPORT | Place.FLIGHT | Place.ANSWER
     """The accelerometer reaches its limit."""
-    COARSE_CLOCK = "coarse_clock"
+    COARSE_CLOCK = "coarse_clock", Place.FLIGHT | Place.ANSWER
     """Times are rounded so coarsely that answers suffer."""
-    ROTOR_ORDER = "rotor_order"
+    ROTOR_ORDER = "rotor_order", Place.ANSWER
     """The rotor columns are not in the order of the vehicle file."""
-    COEFFICIENT = "coefficient"
+    COEFFICIENT = "coefficient", Place.ANSWER
     """The thrust coefficient was fitted in place of the file's guess."""
-    LOST = "lost"
+    LOST = "lost", Place.IMPORT | Place.FLIGHT
     """Readings of rotors or of the battery were left out."""
-    BRIDGED = "bridged"
+    BRIDGED = "bridged", Place.FLIGHT
     """Readings of rotors were interpolated."""
     BREAK = "break"
     """The log is split or ends."""
@@ -62,40 +72,14 @@ class Kind(enum.Enum):
     """A clock was corrected."""
     INPUT = "input"
     """What thrust and torque come from."""
-    THROTTLE = "throttle"
+    THROTTLE = "throttle", Place(0)
     """The map by which thrust comes from throttle."""
     NEIGHBOUR = "neighbour"
     """A vehicle flew nearby."""
-    LIMITED = "limited"
+    LIMITED = "limited", Place.LIMIT
     """Many rows were bridged, or many rotors at their limit."""
-    DETAIL = "detail"
+    DETAIL = "detail", Place(0)
     """How a file was read."""
-
-
-SHOWN = {
-    Kind.NO_FLIGHT: Place.IMPORT | Place.FLIGHT | Place.FAILURE,
-    Kind.CONTRADICTION: Place.FAILURE,
-    Kind.DOUBT: Place.ANSWER,
-    Kind.NO_MULTICOPTER: Place.IMPORT | Place.FLIGHT,
-    Kind.STRETCH: Place.IMPORT | Place.FLIGHT | Place.LIMIT,
-    Kind.VEHICLE: Place.IMPORT | Place.FLIGHT | Place.ANSWER,
-    Kind.CLIPPING: Place.IMPORT | Place.FLIGHT | Place.ANSWER,
-    Kind.COARSE_CLOCK: Place.FLIGHT | Place.ANSWER,
-    Kind.ROTOR_ORDER: Place.ANSWER,
-    Kind.COEFFICIENT: Place.ANSWER,
-    Kind.LOST: Place.IMPORT | Place.FLIGHT,
-    Kind.BRIDGED: Place.FLIGHT,
-    Kind.BREAK: Place.IMPORT,
-    Kind.LEFT_OUT: Place.IMPORT,
-    Kind.DAMAGE: Place.IMPORT,
-    Kind.DERIVED: Place.IMPORT,
-    Kind.CLOCK: Place.IMPORT,
-    Kind.INPUT: Place.IMPORT,
-    Kind.THROTTLE: Place(0),
-    Kind.NEIGHBOUR: Place.IMPORT,
-    Kind.LIMITED: Place.LIMIT,
-    Kind.DETAIL: Place(0),
-}
 
 
 @dc.dataclass(frozen=True)
@@ -120,7 +104,7 @@ class Finding:
 
 def shown_at(findings: Iterable[Finding], place: Place) -> list[Finding]:
     """Return the findings that are shown at a place."""
-    return [finding for finding in findings if SHOWN[finding.kind] & place]
+    return [finding for finding in findings if finding.kind.shown & place]
 
 
 def joined(findings: Iterable[Finding]) -> list[Finding]:

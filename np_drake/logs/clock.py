@@ -198,7 +198,7 @@ def on_one_clock(
     """
     if "attitude" not in longest:
         return parts, log_map, []
-    lags = state_lags(in_frames(longest, log_map, []))
+    lags = state_lags(in_frames(longest, log_map))
     late = {name: lag.beyond_doubt for name, lag in lags.items()}
     turned = late.get("attitude", 0.0) * (log_map.attitude.late is None)
     moved = lags.get("velocity")

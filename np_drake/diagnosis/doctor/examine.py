@@ -281,7 +281,7 @@ def smallest_sizes(information: Information) -> list[Smallest]:
         wider = []
         for other in known:
             if other is not main and not information.inside(main, other):
-                ratio = float(np.max(_sizes(information, [main], [other]) / near))
+                ratio = np.max(_sizes(information, [main], [other]) / near)
                 wider += [(ratio, other)] if ratio > RESEMBLES else []
         most = [t for _, t in sorted(wider, key=lambda pair: -pair[0])[:MOST_RIVALS]]
         adjacent = np.maximum(alone, _sizes(information, variants, most))
@@ -439,7 +439,12 @@ def examine(
         on_progress: called with the share done [1] and the name of the step.
     Raises: ValueError: if there is no flight, or flights have different inputs.
     """
-    _require(logs)
+    require(logs, "doctor: logs must hold at least one flight; got none.")
+    require_alike("doctor", logs)
+    require(
+        len({log.a is None for log in logs}) == 1,
+        "doctor: either all flights have accelerations or none. Examine them one kind at a time.",
+    )
     if vehicle is not None:
         vehicle, logs, _ = with_hover_thrust(vehicle, logs)
     tell = on_progress or (lambda share, text: None)
@@ -519,9 +524,9 @@ def _with_answers(
     )
 
 
-def nothing_moves(moving: Mapping[str, float], logs: Sequence[FlightLog]) -> tuple[Finding, ...]:
+def nothing_moves(moving: dict[str, float], logs: Sequence[FlightLog]) -> tuple[Finding, ...]:
     """Return that flights do not move, and what to fly; empty where they do."""
-    if excited(dict(moving)):
+    if excited(moving):
         return ()
     speed = number(moving["speed [m/s]"], 2)
     rate = number(moving["rate [rad/s]"], 2)
@@ -531,15 +536,6 @@ def nothing_moves(moving: Mapping[str, float], logs: Sequence[FlightLog]) -> tup
         "minute"
     )
     return (Finding(Kind.LIMITED, f"nothing moves ({logged}rates {rate} rad/s)", text),)
-
-
-def _require(logs: Sequence[FlightLog]) -> None:
-    require(logs, "doctor: logs must hold at least one flight; got none.")
-    require_alike("doctor", logs)
-    require(
-        len({log.a is None for log in logs}) <= 1,
-        "doctor: either all flights have accelerations or none. Examine them one kind at a time.",
-    )
 
 
 def answers(
@@ -563,12 +559,11 @@ def answers(
             p = next(p for p in effect.parameters if p.name == "deviation")
             size = gust / (drag or usual_drag)
             out.append(_through_drag(Answer(name, p.name, p.unit, size, size, p.typical), drag))
-        elif name == WIND and name in by_effect:
-            scale = usual_drag / drag if drag else 1.0
-            each = _of_sizes(by_effect[name], scale, None)
-            out += [_through_drag(answer, drag) for answer in each]
         elif name in by_effect:
-            out += _of_sizes(by_effect[name], 1.0, vehicle)
+            is_wind = name == WIND
+            scale = usual_drag / drag if is_wind and drag else 1.0
+            each = _of_sizes(by_effect[name], scale, vehicle)
+            out += [_through_drag(answer, drag) for answer in each] if is_wind else each
     return tuple(out)
 
 
@@ -577,8 +572,9 @@ def _never(effect: type[Effect], lacking: str, vehicle: Vehicle) -> Answer:
     p = next(p for p in effect.parameters if not p.choices)
     usual = usual_size(p, vehicle)
     todo = INSTEAD.get(lacking) or manoeuvre((effect.identifier,))
-    answer = Answer(effect.identifier, p.name, p.unit, math.inf, math.inf, usual, NEVER)
-    return dc.replace(answer, reason=REQUIREMENTS[lacking], todo=todo)
+    reason = REQUIREMENTS[lacking]
+    sizes = (math.inf, math.inf, usual)
+    return Answer(effect.identifier, p.name, p.unit, *sizes, NEVER, reason, todo)
 
 
 def _through_drag(answer: Answer, drag: float | None) -> Answer:
@@ -590,23 +586,24 @@ def _through_drag(answer: Answer, drag: float | None) -> Answer:
     return dc.replace(answer, reason=answer.reason or reason, note=note)
 
 
-def _of_sizes(sizes: Smallest, scale: float, vehicle: Vehicle | None) -> list[Answer]:
+def _of_sizes(sizes: Smallest, scale: float, vehicle: Vehicle) -> list[Answer]:
     """Return the answers on the parameters of an effect.
 
     Args:
         scale: factor on the sizes [1].
-        vehicle: for which a size is usual; None: as the parameter states it.
+        vehicle: for which a size is usual.
     """
     parameters = {p.name: p for p in effect_of(sizes.identifier).parameters}
     out = []
     for name, size_alone, size in zip(sizes.parameters, sizes.alone, sizes.adjacent, strict=True):
         p = parameters[name]
-        usual = p.typical if vehicle is None else usual_size(p, vehicle)
+        usual = usual_size(p, vehicle)
         alone = float(size_alone * scale)
         smallest = float(size * scale)
         shown, shown_alone = (v if v <= FAR * usual else math.inf for v in (smallest, alone))
-        values = (shown, shown_alone, usual)
-        answer = Answer(sizes.identifier, name, p.unit, *values, beside=sizes.resembles)
+        answer = Answer(
+            sizes.identifier, name, p.unit, shown, shown_alone, usual, beside=sizes.resembles
+        )
         if not smallest <= usual:
             reason = "at its usual size it leaves no clear trace in these flights"
             todo = manoeuvre((sizes.identifier,))

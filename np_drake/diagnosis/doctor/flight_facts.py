@@ -5,7 +5,6 @@ diagnosis before its answer.
 """
 
 import dataclasses as dc
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,8 @@ from np_drake.logs.clock import FINEST, Lag, lag_of, state_lags
 from np_drake.logs.columns import LOOKS, UNLOGGED
 from np_drake.logs.importing.laws import (
     OPPOSED,
-    SCALE,
     failing,
+    misfit_text,
     misfits,
     never_tilts,
     told_by_noise,
@@ -118,7 +117,7 @@ def law_findings(log: FlightLog) -> list[Finding]:
         findings.append(Finding(Kind.CONTRADICTION, log.name, text))
     if lift:
         opposed = any(by_law[law] >= OPPOSED for law in lift)
-        what = f"{_misfit(lift, by_law)}: horizontal acceleration is not along the thrust axis"
+        what = f"{misfit_text(lift, by_law)}: horizontal acceleration is not along the thrust axis"
         why = (
             "check attitude and frames"
             if opposed
@@ -127,7 +126,7 @@ def law_findings(log: FlightLog) -> list[Finding]:
         kind = Kind.CONTRADICTION if opposed else Kind.DOUBT
         findings.append(Finding(kind, log.name, f"{what}; {why}"))
     if noisy:
-        text = f"{_misfit(noisy, by_law)}: no more than noise or drift of a sensor"
+        text = f"{misfit_text(noisy, by_law)}: no more than noise or drift of a sensor"
         findings.append(Finding(Kind.DOUBT, log.name, text))
     late = ", ".join(
         f"{lag.late} {1e3 * lag.seconds:+.0f} ms after {lag.early}"
@@ -138,10 +137,6 @@ def law_findings(log: FlightLog) -> list[Finding]:
         text = f"{late}: stamps of two clocks; np-drake import takes that out"
         findings.append(Finding(Kind.DOUBT, log.name, text))
     return findings
-
-
-def _misfit(laws: Sequence[str], by_law: dict[str, float]) -> str:
-    return f"misfit of {', '.join(f'{law} {by_law[law]:.2g}' for law in laws)} ({SCALE})"
 
 
 def lags_of_state(log: FlightLog) -> dict[str, Lag]:

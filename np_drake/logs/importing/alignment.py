@@ -3,7 +3,6 @@ of the motion is integrated from its gyro and accelerometer.
 """
 
 import dataclasses as dc
-from typing import Any
 
 import numpy as np
 import scipy
@@ -23,6 +22,11 @@ LONGEST_BRIDGE = 1.0
 # window in which a position is differentiated where there is no velocity [s]; own choice
 SMOOTH = 0.1
 USUAL = 99.0  # percentile of the changes of slope that a line still bridges [1]; own choice
+
+DERIVED = {  # what a log may lack, and where it comes from then
+    "rates": "none in the log; differentiated from attitude",
+    "velocity": f"none in the log; position differentiated over {SMOOTH} s",
+}
 
 G = np.array([0.0, 0.0, GRAVITY])
 
@@ -54,9 +58,8 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     while the body turns.
     Raises: LogError: if the signals do not overlap.
     """
-    findings: list[Finding] = []
     t, width = _rows(signals, log_map, path)
-    x = in_frames(signals, log_map, findings)
+    x = in_frames(signals, log_map)
     inertial = {"acceleration", "rates"} <= signals.keys()
     out = _state_at(t, width, x, inertial=inertial)
     out |= _accelerations_at(t, width, x, out["attitude"])
@@ -80,7 +83,10 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
             inside = slice(after, np.searchsorted(t, signal.t[k + 1]))
             filled[inside] = True
             torn[inside] |= is_torn[k]
-    return Aligned(t, out, filled, tuple(findings), torn)
+    findings = tuple(
+        Finding(Kind.DETAIL, name, text) for name, text in DERIVED.items() if name not in signals
+    )
+    return Aligned(t, out, filled, findings, torn)
 
 
 def _state_at(t: np.ndarray, width: float, x: Signals, *, inertial: bool) -> dict[str, np.ndarray]:
@@ -150,13 +156,12 @@ def _is_torn(signal: Signal) -> np.ndarray:
     return missed > GAP**2 * signal.step * np.percentile(bend[1:-1], USUAL)
 
 
-def in_frames(signals: Signals, log_map: LogMap, findings: list[Finding]) -> dict[str, Signal]:
+def in_frames(signals: Signals, log_map: LogMap) -> dict[str, Signal]:
     """Return signals in our frames at their own times; body rates and velocity also where they have
     to be derived.
     """
-    q_own = convert_quantity("attitude", signals["attitude"].values, log_map)
-    q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0]))
-    x = {"attitude": q, "rates": _rates(signals, log_map, q, findings)}
+    q = _attitude(signals, log_map)
+    x = {"attitude": q, "rates": _rates(signals, log_map, q)}
     x |= {
         name: Signal(
             signal.t, convert_quantity(name, signal.values, log_map, q.turned(x["rates"], signal.t))
@@ -165,8 +170,14 @@ def in_frames(signals: Signals, log_map: LogMap, findings: list[Finding]) -> dic
         if name not in x
     }
     if "velocity" not in x and "position" in x:
-        x["velocity"] = _differentiated(x["position"], findings)
+        x["velocity"] = _differentiated(x["position"])
     return x
+
+
+def _attitude(signals: Signals, log_map: LogMap) -> Signal:
+    logged = signals["attitude"]
+    q = convert_quantity("attitude", logged.values, log_map)
+    return Signal(logged.t, attitude.one_hemisphere(q, q[0]))
 
 
 def common_rows(signals: Signals, rate: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -222,21 +233,16 @@ def _averaged_after(signal: Signal, at: np.ndarray, width: float) -> np.ndarray:
     return signal.averaged(at + 0.5 * width * (width >= FASTER * signal.step), width)
 
 
-def _rates(signals: Signals, log_map: LogMap, q: Signal, findings: list[Finding]) -> Signal:
-    if "rates" in signals:
-        gyro = signals["rates"]
-        near = q.linear(gyro.t)
-        near /= np.linalg.norm(near, axis=1, keepdims=True)
-        return Signal(gyro.t, convert_quantity("rates", gyro.values, log_map, near))
-    text = "none in the log; differentiated from attitude"
-    findings.append(Finding(Kind.DETAIL, "rates", text))
-    return q.rate
+def _rates(signals: Signals, log_map: LogMap, q: Signal) -> Signal:
+    if "rates" not in signals:
+        return q.rate
+    gyro = signals["rates"]
+    near = attitude.normalised(q.linear(gyro.t))
+    return Signal(gyro.t, convert_quantity("rates", gyro.values, log_map, near))
 
 
-def _differentiated(p: Signal, findings: list[Finding]) -> Signal:
+def _differentiated(p: Signal) -> Signal:
     """Return the velocity of a position by local parabolas, none of which reaches over a gap."""
-    text = f"none in the log; position differentiated over {SMOOTH} s"
-    findings.append(Finding(Kind.DETAIL, "velocity", text))
     length = max(5, 2 * round(0.5 * SMOOTH / p.step) + 1)
     edges = np.flatnonzero(np.diff(p.t) > GAP * p.step) + 1
     times = []
@@ -312,10 +318,8 @@ def with_whole_motion(
         if "position" in complete or name in complete:
             continue
         complete[name] = _integral(complete, rate, log_map)
-        world: dict[str, Any] = {
-            name: Source([f"integral of {rate}"] * 3, axes="world", world="enu")
-        }
-        log_map = dc.replace(log_map, **world)
+        source = Source([f"integral of {rate}"] * 3, axes="world", world="enu")
+        log_map = dc.replace(log_map, **{name: source})  # type: ignore[arg-type]
         lacks.append(LACKS[name])
         text = f"none in the log; {rate} integrated, and what acts through {name} cannot be told"
         findings.append(Finding(Kind.DERIVED, name, text))
@@ -354,15 +358,8 @@ def _levelled(signals: Signals, log_map: LogMap) -> Signal:
 def _integral(signals: Signals, rate: str, log_map: LogMap) -> Signal:
     """Return the integral of a vector in W at its own times, from zero."""
     signal = signals[rate]
-    q_own = convert_quantity("attitude", signals["attitude"].values, log_map)
-    q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0])).linear(signal.t)
-    q /= np.linalg.norm(q, axis=1, keepdims=True)
-    values = convert_quantity(rate, signal.values, log_map, q)
-    if (
-        rate == "acceleration" and log_map.command == "held_after"
-    ):  # constant from its row to the next, as the thrust
-        steps = values[:-1] * np.diff(signal.t)[:, None]
-        return Signal(signal.t, np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
-    return Signal(
-        signal.t, scipy.integrate.cumulative_trapezoid(values, signal.t, axis=0, initial=0.0)
-    )
+    q = attitude.normalised(_attitude(signals, log_map).linear(signal.t))
+    vector = Signal(signal.t, convert_quantity(rate, signal.values, log_map, q))
+    # An acceleration that is held is constant from its row to the next, as the thrust.
+    held = rate == "acceleration" and log_map.command == "held_after"
+    return Signal(signal.t, vector.sum_held if held else vector.sum_linear)

@@ -78,7 +78,7 @@ def without_frozen_poses(
             inside = (signal.t > span.before) & (signal.t < span.after)
             repeats = np.all(np.diff(signal.values[inside], axis=0) == 0, axis=1)
             kept[inside] = name != "attitude" and np.mean(repeats) <= 0.5
-        out[name] = dc.replace(signal, t=signal.t[kept], values=signal.values[kept])
+        out[name] = signal.at_rows(kept)
     seconds = sum(min(span.after, t[-1]) - span.before for span in spans)
     text = f"{frozen.sum()} rows, {seconds:.3g} s in {len(spans)} stretches, left out"
     return out, spans, [Finding(Kind.LEFT_OUT, FROZEN, text)]
@@ -89,9 +89,9 @@ def _frozen_rows(signals: Signals, log_map: LogMap) -> np.ndarray:
     if not {"attitude", "rates"} <= signals.keys():
         return np.zeros(0, bool)
     logged = signals["attitude"]
-    x = in_frames(signals, log_map, [])
+    x = in_frames(signals, log_map)
     t = logged.t
-    turned = x["rates"].integral(logged.t)
+    turned = x["rates"].integral(t)
     interval = np.diff(t)[:, None]
     missed = np.diff(turned, axis=0) / interval - x["attitude"].rate.values
     bias = np.median(missed, axis=0)
@@ -294,7 +294,7 @@ def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
     breaks = []
     for stream in (s for s in recording.streams.values() if len(s) > 4 * DENSE and s.columns):
         t = stream.t
-        interval = np.diff(stream.t)
+        interval = np.diff(t)
         mean = np.convolve(interval, np.ones(DENSE) / DENSE, mode="same")
         usual = float(np.percentile(mean, SPARSE))
         for start, stop in stretches((mean < CLOSER * usual) & np.all(interval >= 0)):

@@ -42,7 +42,7 @@ from np_drake.logs.importing.breaks import (
     without_merged_rows,
 )
 from np_drake.logs.importing.conventions import Verdict, as_text, require_a_likely_clock
-from np_drake.logs.importing.laws import SCALE, failing
+from np_drake.logs.importing.laws import failing, misfit_text
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source, convert_quantity
 from np_drake.logs.importing.parts import Part, imported_parts, require_a_flight
 from np_drake.logs.importing.signals import (
@@ -252,8 +252,8 @@ def _conventions_text(verdict: Verdict) -> str:
         f"agree with the log in {count} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
     )
     if wrong:
-        laws = ", ".join(f"{law} {verdict.misfits[law]:.2g}" for law in wrong)
-        text = f"hold in {count - len(wrong)} of {count} checks; misfit of {laws} ({SCALE})"
+        misfit = misfit_text(wrong, verdict.misfits)
+        text = f"hold in {count - len(wrong)} of {count} checks; {misfit}"
     return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
 
 
@@ -516,7 +516,7 @@ def _ends(signals: Signals, log_map: LogMap, motors: Sequence[str]) -> list[Stat
     if stopped is None:
         return []
     t, number = stopped
-    rates = signals["rates"] if "rates" in signals else in_frames(signals, log_map, [])["rates"]
+    rates = signals["rates"] if "rates" in signals else in_frames(signals, log_map)["rates"]
     turns = np.abs(convert_quantity("rates", rates.between(t, np.inf).values, log_map))
     tumbles = turns.max(initial=0.0) > TUMBLES
     motor = motors[number - 1] if motors else f"rotor {number}"

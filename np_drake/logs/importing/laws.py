@@ -6,7 +6,7 @@ windows, where the axis moves enough. Thresholds of `check_units` are checked on
 and 2900 simulated ones.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 import scipy
@@ -109,6 +109,11 @@ def misfits(t: np.ndarray, x: Mapping[str, np.ndarray], *, everything: bool = Fa
 def failing(by_law: Misfits) -> list[str]:
     """Return the laws that do not hold."""
     return [law for law, misfit in by_law.items() if misfit > FAILS]
+
+
+def misfit_text(laws: Sequence[str], by_law: Misfits) -> str:
+    """Return the misfits of some laws in words."""
+    return f"misfit of {', '.join(f'{law} {by_law[law]:.2g}' for law in laws)} ({SCALE})"
 
 
 def told_by_noise(by_law: Misfits) -> list[str]:

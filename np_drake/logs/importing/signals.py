@@ -78,7 +78,7 @@ class Signal:
         usual = max(1, round(float(np.median(np.diff(rows[new])))))
         since = rows - np.maximum.accumulate(np.where(new, rows, 0))
         keep = new | ((since > 0) & (since % (2 * usual) == 0))
-        return self if keep.all() else dc.replace(self, t=self.t[keep], values=self.values[keep])
+        return self if keep.all() else self.at_rows(keep)
 
     @property
     def rate(self) -> "Signal":
@@ -91,16 +91,26 @@ class Signal:
 
     def between(self, start: float, stop: float) -> "Signal":
         """Return the samples from `start` to `stop` [s]."""
-        inside = (self.t >= start) & (self.t <= stop)
-        return dc.replace(self, t=self.t[inside], values=self.values[inside])
+        return self.at_rows((self.t >= start) & (self.t <= stop))
+
+    def at_rows(self, rows: np.ndarray) -> "Signal":
+        """Return the samples at chosen rows."""
+        return dc.replace(self, t=self.t[rows], values=self.values[rows])
 
     def linear(self, at: np.ndarray) -> np.ndarray:
         """Return the values by linear interpolation, (m, k); the ends are held."""
         return np.stack([np.interp(at, self.t, column) for column in self.values.T], axis=1)
 
     @cached_property
-    def _sum(self) -> np.ndarray:
+    def sum_linear(self) -> np.ndarray:
+        """Integral up to each sample, (n, k), linear between samples."""
         return scipy.integrate.cumulative_trapezoid(self.values, self.t, axis=0, initial=0.0)
+
+    @property
+    def sum_held(self) -> np.ndarray:
+        """Integral up to each sample, (n, k), of a signal that each sample holds until the next."""
+        steps = self.values[:-1] * np.diff(self.t)[:, None]
+        return np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
 
     def integral(self, at: np.ndarray) -> np.ndarray:
         """Return the integral from the first sample, (m, k): linear between samples and constant
@@ -112,7 +122,7 @@ class Signal:
         inside = np.clip(at, t[0], t[-1])
         gone = (inside - t[i])[:, None]
         slope = (x[i + 1] - x[i]) / (t[i + 1] - t[i])[:, None]
-        out = self._sum[i] + (x[i] + 0.5 * slope * gone) * gone
+        out = self.sum_linear[i] + (x[i] + 0.5 * slope * gone) * gone
         before = np.minimum(at - t[0], 0.0)
         after = np.maximum(at - t[-1], 0.0)
         return out + before[:, None] * x[0] + after[:, None] * x[-1]
@@ -180,11 +190,8 @@ class Signal:
         t = self.t
         x = self.values
         edges = np.concatenate([[0.0], np.cumsum(np.diff(t))])
-        total = np.concatenate(
-            [np.zeros((1, x.shape[1])), np.cumsum(x[:-1] * np.diff(t)[:, None], axis=0)]
-        )
         i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 1)
-        at_edge = total[i] + x[i] * ((at - t[0]) - edges[i])[:, None]
+        at_edge = self.sum_held[i] + x[i] * ((at - t[0]) - edges[i])[:, None]
         mean = np.diff(at_edge, axis=0) / np.diff(at)[:, None]
         exact = np.isin(at[:-1], t) & (
             np.searchsorted(t, at[1:]) - np.searchsorted(t, at[:-1]) <= 1
@@ -239,9 +246,10 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[Finding
             findings.append(Finding(_omission(name), name, f"rows left out: {reasons}"))
         if signal.tick:
             ticks.setdefault(signal.tick, []).append(name)
-        if name in STATE and len(signal.t) >= LEAST_ROWS and len(signal.renewed.t) < len(signal.t):
-            share = len(signal.renewed.t) / len(signal.t)
-            signal = signal.renewed
+        renewed = signal.renewed if name in STATE and len(signal.t) >= LEAST_ROWS else signal
+        if len(renewed.t) < len(signal.t):
+            share = len(renewed.t) / len(signal.t)
+            signal = renewed
             text = (
                 f"rows repeat; taken as a signal of {1 / signal.step:.4g} Hz "
                 f"({share:.0%} of the rows)"
@@ -284,7 +292,7 @@ def _without_dead_readings(signal: Signal, log_map: LogMap) -> tuple[Signal, lis
         f"flies (no power module, or another unit); {'all' if most else 'these'} left out"
     )
     kept = np.zeros_like(dead) if most else ~dead
-    return Signal(signal.t[kept], signal.values[kept]), [Finding(Kind.LOST, "voltage", text)]
+    return signal.at_rows(kept), [Finding(Kind.LOST, "voltage", text)]
 
 
 def _omission(name: str) -> Kind:
@@ -429,7 +437,7 @@ def _without_dropouts(signals: dict[str, Signal], log_map: LogMap, path: str) ->
         "the rows. Log throttle as well.",
         LogError,
     )
-    signals["rotor_speed"] = dc.replace(speeds, t=speeds.t[~rows], values=mended[~rows])
+    signals["rotor_speed"] = dc.replace(speeds, values=mended).at_rows(np.flatnonzero(~rows))
     counts = ", ".join(
         f"{count} {what}"
         for what, count in {"readings bridged": bridged.sum(), "rows left out": rows.sum()}.items()
