@@ -64,7 +64,7 @@ def read_sheet(log: str | Path) -> Sheet:
         rotors = _layout(content.pop("rotors", None))
         motors = tuple(map(str, content.pop("motors", ())))
         lines = list(map(str, content.pop("said", ())))
-        kinds = list(map(Kind, content.pop("kinds", ()))) or list(map(_kind_of, lines))
+        kinds = map(Kind, content.pop("kinds", ()) or map(_kind_of, lines))
         findings = [Finding(kind, "", line) for kind, line in zip(kinds, lines, strict=True)]
     except (AttributeError, TypeError, ValueError) as error:
         raise LogError(

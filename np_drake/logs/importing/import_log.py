@@ -43,8 +43,8 @@ from np_drake.logs.importing.breaks import (
 )
 from np_drake.logs.importing.conventions import Verdict, as_text, require_a_likely_clock
 from np_drake.logs.importing.laws import failing, misfit_text
-from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source, convert_quantity
-from np_drake.logs.importing.parts import Part, imported_parts, require_a_flight
+from np_drake.logs.importing.log_map import LogMap, MapFile, Source, convert_quantity
+from np_drake.logs.importing.parts import Part, Parts, imported_parts, require_a_flight
 from np_drake.logs.importing.signals import (
     Signal,
     Signals,
@@ -98,7 +98,6 @@ def looks(contents: Contents, fields: str) -> str:
     return (f" Columns that look like {'; '.join(similar)}." if similar else "") + cut
 
 
-Parts = tuple[LogMap, list[Part], list[Finding]]  # map, what was made of every part
 # Shortest pulse of an output that drives a motor [us]. Source: PX4, the least of PWM_MAIN_MINn. 0
 # is no pulse.
 SHORTEST_PULSE = 800.0
@@ -229,16 +228,13 @@ def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
     source = getattr(log_map, name)
     keys = ["scale", "signs", "axes", "kind", "late"]
     keys += ["order", "direction"] if name == "attitude" and len(source.columns) == 4 else []
+    stated = dc.asdict(source)
     usual = {**dc.asdict(Source()), "order": "", "direction": "", "late": 0.0}
     return {
         "from": list(source.columns),
         "rate": f"{1 / signal.step:.4g} Hz",
-        "unit": source.unit or next(iter(UNITS[name])),
-        **{
-            key: getattr(source, key)
-            for key in keys
-            if getattr(source, key) not in (None, usual[key])
-        },
+        "unit": source.unit_of(name),
+        **{key: stated[key] for key in keys if stated[key] not in (None, usual[key])},
     }
 
 

@@ -109,6 +109,10 @@ class Source:
     def __bool__(self) -> bool:
         return bool(self.columns)
 
+    def unit_of(self, name: str) -> str:
+        """Return the unit of a quantity of this name, also where it is left open."""
+        return self.unit or next(iter(UNITS[name]))
+
     def axes_of(self, name: str) -> str:
         """Return the axes of a vector of this name, `world` or `body`, also where they are left
         open.

@@ -95,7 +95,7 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
         middle = np.median(values[name])
         high = np.percentile(values[name], 99.9)
         source = getattr(log_map, name)
-        unit = source.unit or next(iter(UNITS[name]))
+        unit = source.unit_of(name)
         wrong, shown = (f"above {most:g}", high) if high > most else (f"below {least:g}", middle)
         require(
             least <= middle and high <= most,
@@ -321,9 +321,12 @@ def _timing(signals: Signals, log_map: LogMap) -> float:
     )
 
 
+Parts = tuple[LogMap, list[Part], list[Finding]]  # map, what was made of every part
+
+
 def imported_parts(
     parts: list[Signals], log_map: LogMap, path: str, *, origin: float, adopt: bool
-) -> tuple[LogMap, list[Part], list[Finding]]:
+) -> Parts:
     """Return the map that agrees with the longest part, what was made of every part, and the
     findings on those left out.
 
@@ -347,10 +350,10 @@ def imported_parts(
             findings.append(Finding(Kind.LEFT_OUT, "", f"{span} is no flight; left out"))
             continue
         try:
-            log_map, fitting, stretch = _fitting(
+            part, log_map, verdict, stretch = _fitting(
                 parts[k], log_map, path, origin, adopt=adopt and not done
             )
-            made = import_part(*fitting, path, usual)
+            made = import_part(part, log_map, verdict, path, usual)
             if done and not made.flights:
                 findings.append(Finding(Kind.LEFT_OUT, "", f"{span} holds no flight; left out"))
                 continue
@@ -383,9 +386,9 @@ def imported_parts(
 
 def _fitting(
     signals: Signals, log_map: LogMap, path: str, origin: float, *, adopt: bool
-) -> tuple[LogMap, tuple[Signals, LogMap, Verdict], list[Finding]]:
-    """Return the map, what of a part agrees with it, with the verdict, and a finding where that is
-    not all of it.
+) -> tuple[Signals, LogMap, Verdict, list[Finding]]:
+    """Return what of a part agrees with the map, the map, the verdict, and a finding where that is
+    not all of the part.
     """
     verdict = Verdict({}, ()) if no_flight(signals, log_map) else judged(signals, log_map, path)
     disturbed = any(misfit > DOUBTED for misfit in verdict.misfits.values()) and not verdict.changes
@@ -405,4 +408,4 @@ def _fitting(
             signals = part
             verdict = of_part
     log_map, verdict = agreed(verdict, signals, log_map, path, adopt=adopt)
-    return log_map, (signals, log_map, verdict), findings
+    return signals, log_map, verdict, findings

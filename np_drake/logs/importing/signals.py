@@ -330,19 +330,17 @@ def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
     good = np.isfinite(signal.t) & np.all(np.abs(signal.values) <= LARGEST, axis=1)
     zero = good & (np.linalg.norm(np.where(good[:, None], signal.values, 0.0), axis=1) < LEAST_NORM)
     zero &= quaternion
-    kept = good & ~zero
-    t = signal.t[kept]
-    values = signal.values[kept]
-    later = np.diff(np.maximum.accumulate(t), prepend=-np.inf) > 0
-    t = t[later]
-    values = values[later]
+    kept = signal.at_rows(good & ~zero)
+    later = np.diff(np.maximum.accumulate(kept.t), prepend=-np.inf) > 0
+    cleaned = kept.at_rows(later)
     counts = {
         "no number": np.sum(~good),
         "a quaternion of zeros": np.sum(zero),
         "time not increasing": np.sum(~later),
     }
     reasons = ", ".join(f"{count} with {reason}" for reason, count in counts.items() if count)
-    return Signal(t, values, coarse_tick(t, int(np.sum(~later)))), reasons
+    tick = coarse_tick(cleaned.t, int(np.sum(~later)))
+    return dc.replace(cleaned, tick=tick), reasons
 
 
 def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
@@ -378,7 +376,7 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
     Raises: LogError: at the first column whose unit is another.
     """
     for name, source in log_map.sources():
-        declared = source.unit or next(iter(UNITS[name]))
+        declared = source.unit_of(name)
         for column in source.columns:
             _, own_name = find_column(recording.contents, column, recording.path)
             stated = recording.units.get(own_name, declared)
