@@ -6,6 +6,7 @@ import errno
 import os
 import traceback
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -138,7 +139,7 @@ def _require_words(arguments: list[str]) -> None:
     """Check that no argument is empty, as a path it would be the current folder, and that no option
     stands for a file that is written.
     """
-    for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
+    for before, argument in pairwise([PROGRAM, *arguments]):
         require(
             argument and (not argument.startswith("--") or argument.find("=") != len(argument) - 1),
             f"an argument must not be empty; got '{argument}' behind {before}. Name a file, a "
@@ -153,7 +154,7 @@ def _require_words(arguments: list[str]) -> None:
 def inputs_of(arguments: list[str]) -> list[Path]:
     """Return the files that are named on the command line, but for options that write."""
     files: list[Path] = []
-    for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
+    for before, argument in pairwise([PROGRAM, *arguments]):
         name, _, value = argument.rpartition("=") if argument[:2] == "--" else ("", "", argument)
         if before in OUTPUTS or name in OUTPUTS:
             continue

@@ -7,7 +7,7 @@ from pathlib import Path
 from diagrams.certify.certificate import YES, Accepted, Certificate
 from diagrams.certify.certificate import certify as certificate_of
 from diagrams.certify.ranges import Range
-from diagrams.cli.fly import Experiment, Fields, FlyOptions, Predictor, scenarios
+from diagrams.cli.fly import Experiment, Fields, Predictor, scenario
 from diagrams.cli.verb import OUT_OF_CASES, Report, Run, Table, VehicleFile, option, reports, say
 from diagrams.evidence.studies.options import Reality, tabulate
 from diagrams.loop.experiments import settings_of
@@ -50,17 +50,7 @@ def certify(run: Run, asked: CertifyOptions) -> Report:
     diagnosis (`--reality corrected.yaml`).
     """
     ranges = [Range.parse(text) for text in asked.over]
-    (config,) = scenarios(
-        FlyOptions(
-            asked.experiment,
-            [asked.controller] if asked.controller else [],
-            predictor=asked.predictor,
-            duration=asked.duration,
-            fields=asked.fields,
-            vehicle=asked.vehicle,
-            reality=asked.reality,
-        )
-    )
+    config = scenario(asked, reality=asked.reality)
     certificate = certificate_of(
         config,
         ranges,

@@ -27,7 +27,7 @@ def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
     from diagrams.demo.story import HELD_OUT, run_demo
 
     start = time.perf_counter()
-    with progress("demo", 1.0) as advance:
+    with progress("demo") as advance:
         result = run_demo(run.folder, seed=run.seed, solver=solver, jobs=jobs, on_progress=advance)
     wall = time.perf_counter() - start
     trained = result.trained

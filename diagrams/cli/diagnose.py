@@ -89,7 +89,7 @@ def diagnose(run: Run, asked: DiagnoseOptions) -> Report:
     from diagrams.gap.corrected import with_trial
     from diagrams.gap.drake_replay import DrakeReplay
 
-    with progress("diagnosing", 1.0) as advance:
+    with progress("diagnosing") as advance:
         diagnosis = five_steps(
             fitted,
             judging,
@@ -102,12 +102,10 @@ def diagnose(run: Run, asked: DiagnoseOptions) -> Report:
             before=earlier,
             on_progress=advance,
         )
-        advance(1.0)
     nominal = diagnosis.nominal or nominal
     if run.folder is not None:
-        with progress("trying the corrected simulator", 1.0) as advance:
+        with progress("trying the corrected simulator") as advance:
             diagnosis = with_trial(diagnosis, nominal)
-            advance(1.0)
     config: dict[str, Any] = {
         "vehicle": nominal.name,
         "train": files.train,
@@ -330,7 +328,7 @@ def doctor(
     opened = list[Opened]()
     failures = list[Exception]()
     refused = list[LogError]()
-    with progress("examining", 1.0) as advance:
+    with progress("examining") as advance:
         for read, path in enumerate(logs):
             try:
                 reading = part_of(advance, 0.3 * read / len(logs), 0.3 / len(logs))
@@ -350,7 +348,6 @@ def doctor(
         }
         examining = part_of(advance, 0.3, 0.7)
         report = examine(flights, nominal, sheets=sheets, on_progress=examining)
-        advance(1.0)
     tell(*(f"not usable: {failure}" for failure in failures[1:]))
     return Report(
         _what_they_tell(report),

@@ -9,7 +9,7 @@ from contextlib import closing
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import yaml
@@ -220,6 +220,26 @@ def scenarios(asked: FlyOptions) -> list[FlightConfig]:
     return configs
 
 
+def scenario(asked: Any, **more: Any) -> FlightConfig:
+    """Return the checked scenario of a verb whose options are called as those of `fly`, with one
+    controller.
+
+    Args:
+        more: options of `fly` that are not all verbs'.
+    Raises: ValueError: on bad input.
+    """
+    options = FlyOptions(
+        asked.experiment,
+        [asked.controller] if asked.controller else [],
+        predictor=asked.predictor,
+        duration=asked.duration,
+        fields=asked.fields,
+        vehicle=asked.vehicle,
+        **more,
+    )
+    return scenarios(options)[0]
+
+
 def _require_flyable(configs: Sequence[FlightConfig]) -> None:
     """Check that firmware, model and controller of each scenario are there, and their names differ.
 
@@ -423,17 +443,7 @@ def node(run: Run, asked: NodeOptions) -> Report:
     """Fly an experiment on a vehicle: state in and body rates out by MAVLink, while all is in
     order.
     """
-    (config,) = scenarios(
-        FlyOptions(
-            asked.experiment,
-            [asked.controller] if asked.controller else [],
-            predictor=asked.predictor,
-            duration=asked.duration,
-            fields=asked.fields,
-            autopilot="rate_loop",
-            vehicle=asked.vehicle,
-        )
-    )
+    config = scenario(asked, autopilot="rate_loop")
     require(
         not is_own(config.controller.kind),
         f"controller: must be one of this project's; got {config.controller.kind}. Name "

@@ -130,7 +130,7 @@ def identify(run: Run, asked: IdentifyOptions) -> Report:
     common_drive([], asked.input)  # refuses what is no input before logs are read
     _check_mass(asked)
     prior = _prior_of(asked)
-    with progress("identifying", 1.0) as advance:
+    with progress("identifying") as advance:
         logs = _read_logs([*asked.logs, *judges], asked.log_map, advance)
         prior = _with_stated_props(prior, logs, asked)
         opened = [log.flights for log in with_vehicle(logs, prior)]
@@ -150,7 +150,6 @@ def identify(run: Run, asked: IdentifyOptions) -> Report:
         )
         advance(FITTED, "judging")
         rows = held_out_errors(identification, split.judging, LAST if split.last else 0.0)
-        advance(1.0)
     untold = [] if tell_directions(flown, prior) else [UNTOLD]
     unused = [] if asked.input else left_out(flown, drive)
     warnings = noted(flown, [*untold, *unused, *split.notes, *identification.notes])

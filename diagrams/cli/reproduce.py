@@ -149,7 +149,7 @@ def bench(
     from diagrams.evidence.studies import bench as measure
     from diagrams.evidence.studies.sweep import DITHERED, Row, train_row
 
-    with progress("training, recording problems", 1.0) as advance:
+    with progress("training, recording problems") as advance:
         paper = run.folder / "paper.safetensors"
         row = Row("", "", training=DITHERED, configuration="paper")
         train_row(row, paper, seed=run.seed, solver="sqp")
@@ -163,10 +163,9 @@ def bench(
             name: measure.record_problems(problems, seed=run.seed, **kind)
             for name, kind in kinds.items()
         }
-        advance(1.0, "")
     with run.counting("solvers") as on_progress:
         suites, predictions = measure.suite(recorded, progress=on_progress)
-    with progress("simulator", 1.0):
+    with progress("simulator"):
         factor = measure.real_time_factor(seconds=seconds, seed=run.seed)
     lines = [{"suite": suite, **line} for suite, of in suites.items() for line in of]
     return Report(

@@ -103,9 +103,9 @@ class Lesson(NamedTuple):
 
 @dc.dataclass(frozen=True)
 class Learnt:
-    """What a training tells, beside the model file that it has written."""
+    """Model, and what its training tells."""
 
-    summary: dict[str, Any]
+    model: Any
     columns: list[str]
     rows: list[tuple]  # of the table
     loss: list[float] = dc.field(default_factory=list)  # after each epoch [1]
@@ -121,8 +121,9 @@ def train(run: Run, asked: TrainOptions) -> Report:
     name = lesson.name
     start = time.perf_counter()
     learnt = LEARNERS.get(name, _learn_lifted)(lesson)
+    learnt.model.save(asked.out)
     wall = time.perf_counter() - start
-    summary = learnt.summary
+    summary = learnt.model.summary
     if learnt.loss:
         epochs = range(1, len(learnt.loss) + 1)
         axes = {"xlabel": learnt.axes[0], "ylabel": learnt.axes[1], "yscale": "log"}
@@ -198,7 +199,7 @@ def _learn_vehicle(lesson: Lesson) -> Learnt:
         learned, loss = train_on_envelope(
             lesson.asked.envelope, run=lesson.run, vehicle=lesson.vehicle
         )
-    with progress(f"training {PAYLOAD_FILTER}", 1.0) as advance:
+    with progress(f"training {PAYLOAD_FILTER}") as advance:
         if learned is not None and not lesson.flights:
             model = learned
         else:
@@ -208,7 +209,6 @@ def _learn_vehicle(lesson: Lesson) -> Learnt:
                 prior=learned or PayloadFilterModel.load(FILTER_MODEL),
                 on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}"),
             )
-    model.save(lesson.asked.out)
     error = 100 * model.thrust_error
     spread = 100 * model.thrust_error_deviation
     drag = model.mass * model.drag
@@ -222,7 +222,7 @@ def _learn_vehicle(lesson: Lesson) -> Learnt:
         *_timing(model.rotor_lag, model.delay),
     ]
     axes = ("trial [1]", "error [m]")
-    return Learnt(model.summary, ["vehicle", "found"], rows, loss, axes=axes)
+    return Learnt(model, ["vehicle", "found"], rows, loss, axes=axes)
 
 
 def _timing(lag: float, delay: float) -> list[tuple]:
@@ -254,10 +254,9 @@ def _learn_network(lesson: Lesson) -> Learnt:
             envelope, run=lesson.run, vehicle=lesson.vehicle, epochs=epochs
         )
         model = fitted_lpv(model, flights, lesson.step) if flights else model
-    model.save(lesson.asked.out)
     rows = _timing(rotor_lag_of(model), delay_of(model) or 0.0)
     axes = ("report [1]", "loss [1]")
-    return Learnt(model.summary, ["vehicle", "found"], rows, loss, axes=axes)
+    return Learnt(model, ["vehicle", "found"], rows, loss, axes=axes)
 
 
 def _learn_reaction(lesson: Lesson) -> Learnt:
@@ -270,10 +269,9 @@ def _learn_reaction(lesson: Lesson) -> Learnt:
         settings["epochs"] = lesson.asked.epochs
     learn = partial(train_motion_model, name, lesson.flights, step=lesson.step, **settings)
     model, loss = behind_bar(f"training {name}", learn)
-    model.save(lesson.asked.out)
     rmse = ", ".join(f"{value:.4g}" for value in model.summary["label_rmse"])
     rows: list[tuple] = [("against the labels, RMSE [N, N·m]", rmse)]
-    return Learnt(model.summary, ["model", name], rows, loss, settings)
+    return Learnt(model, ["model", name], rows, loss, settings)
 
 
 def _learn_lifted(lesson: Lesson) -> Learnt:
@@ -287,18 +285,16 @@ def _learn_lifted(lesson: Lesson) -> Learnt:
     )
     learn = partial(train_on_flights, flights, config, step=lesson.step)
     result = behind_bar(f"training {lesson.name}", learn)
-    result.model.save(lesson.asked.out)
-    summary = result.model.summary
     lag = rotor_lag_of(result.model)
     if lag > 0:
         tell(
             f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model "
             "allow for it."
         )
-    loss = summary["loss"]
+    loss = result.model.summary["loss"]
     by_block = loss if isinstance(loss, dict) else {"total": loss}
     rows: list[tuple] = [(block, float(value)) for block, value in by_block.items()]
-    return Learnt(summary, ["block", "loss [1]"], rows, result.loss, dc.asdict(config))
+    return Learnt(result.model, ["block", "loss [1]"], rows, result.loss, dc.asdict(config))
 
 
 LEARNERS: dict[str, Callable[[Lesson], Learnt]] = {
@@ -310,11 +306,10 @@ LEARNERS: dict[str, Callable[[Lesson], Learnt]] = {
 
 def behind_bar(description: str, learn: Callable[..., T]) -> T:
     """Return the result of `learn(on_epoch=…)`, called behind a progress bar."""
-    with progress(description, 1.0) as advance:
+    with progress(description) as advance:
         result = learn(
             on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}")
         )
-        advance(1.0)
     return result
 
 

@@ -317,8 +317,8 @@ def discard_output() -> None:
 
 
 @contextmanager
-def progress(description: str, total: float) -> Iterator[Advance]:
-    """Show a progress bar on stderr and yield `advance(done, text)`.
+def progress(description: str, total: float = 1.0) -> Iterator[Advance]:
+    """Show a progress bar on stderr and yield `advance(done, text)`; the work done, it is full.
 
     Where stderr is no terminal nothing is shown: the one line of an error stands alone.
     """
@@ -327,6 +327,7 @@ def progress(description: str, total: float) -> Iterator[Advance]:
     with Progress(*columns, console=err, disable=not err.is_interactive) as bar:
         task = bar.add_task(description, total=total, text="")
         yield lambda done, text="": bar.update(task, completed=done, text=text)
+        bar.update(task, completed=total, text="")
 
 
 def tell(*lines: str) -> None:

@@ -148,13 +148,12 @@ class FlightConfig:
 
     def _check_controller(self) -> None:
         """Check that the controller commands what flies, and that an oracle can know it."""
-        command = self.controller.mpc.command
         kind = self.controller.kind
-        rates = command == "rates"
+        rates = self.controller.mpc.command == "rates"
         require(
             rates == self.autopilot.flies,
             f"{self.name}: controller.mpc.command must be rates with an autopilot and rotors "
-            f"without; got {command} and autopilot {self.autopilot.kind}.",
+            f"without; got {self.controller.mpc.command} and autopilot {self.autopilot.kind}.",
         )
         require(
             not rates or kind not in ("oracle", "cascade"),
@@ -192,11 +191,9 @@ class FlightConfig:
         Args:
             kind: of `AUTOPILOTS`.
         """
-        mpc = dc.replace(self.controller.mpc, command="rates" if kind != NONE else "rotors")
-        autopilot = dc.replace(self.autopilot, kind=kind)
-        return dc.replace(
-            self, autopilot=autopilot, controller=dc.replace(self.controller, mpc=mpc)
-        )
+        command = "rates" if kind != NONE else "rotors"
+        changed = {"autopilot": {"kind": kind}, "controller": {"mpc": {"command": command}}}
+        return filled(self, changed)
 
     def _check_track(self) -> None:
         """Check the motion against ground, arena, the controller's bounds and the rotors."""
@@ -208,9 +205,6 @@ class FlightConfig:
         upright = force[:, 2] / np.maximum(np.linalg.norm(force, axis=1), 1e-9)
         thrust = targets(vehicle, flat, np.zeros((len(t), 6)))[1] @ vehicle.unmixer.T
         rotors = thrust / self.reality.thrust_at(self.vehicle, self.end)
-        most = vehicle.max_rotor_thrust
-        speed = mpc.max_speed
-        tilt = mpc.max_tilt
         of_file = self.reference.is_file
         size = np.linalg.norm(flat[2], axis=1)
         slower = "Take a lower speed, or more time between the rows." if of_file else WIDER
@@ -231,21 +225,22 @@ class FlightConfig:
             ),
             (
                 np.abs(flat[1]).max(axis=1),
-                speed,
-                f"be within controller.mpc.max_speed, {speed:.3g} m/s; demands {{:.3g}} m/s",
+                mpc.max_speed,
+                f"be within controller.mpc.max_speed, {mpc.max_speed:.3g} m/s; demands {{:.3g}} "
+                "m/s",
                 slower,
             ),
             (
                 rotors.max(axis=1),
-                most,
-                f"be within max_rotor_thrust, {most:.3g} N; demands {{:.3g}} N of a rotor "
-                "for {:.3g} m/s²",
+                vehicle.max_rotor_thrust,
+                f"be within max_rotor_thrust, {vehicle.max_rotor_thrust:.3g} N; demands {{:.3g}} N "
+                "of a rotor for {:.3g} m/s²",
                 smoother,
             ),
             (
                 np.arccos(np.clip(upright, -1.0, 1.0)),
-                tilt,
-                f"be within controller.mpc.max_tilt, {tilt:.3g} rad; demands {{:.3g}} rad",
+                mpc.max_tilt,
+                f"be within controller.mpc.max_tilt, {mpc.max_tilt:.3g} rad; demands {{:.3g}} rad",
                 slower,
             ),
             (-rotors.min(axis=1), 0.0, "pull no rotor down; demands {:.3g} N of one", smoother),
@@ -370,9 +365,7 @@ def flown_by(config: FlightConfig, factory: Factory | None) -> FlightConfig:
         config: of the experiment.
         factory: of a controller of one's own.
     """
-    if factory is None:
-        return config
-    return dc.replace(config, controller=dc.replace(config.controller, kind=kind_of(factory)))
+    return filled(config, {"controller": {"kind": kind_of(factory)}}) if factory else config
 
 
 def default_flight(vehicle: Vehicle) -> FlightConfig:

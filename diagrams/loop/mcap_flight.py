@@ -14,6 +14,7 @@ from np_drake import attitude
 from np_drake.files.file_access import atomic_path, plain
 from np_drake.logs.errors import optional_package
 
+Numbers = Sequence[float] | np.ndarray
 LEVEL = (1.0, 0.0, 0.0, 0.0)  # quaternion of no rotation
 # frames
 WORLD = "world"
@@ -110,7 +111,7 @@ def _messages(flight: FlightResult) -> Iterator[tuple[str, int, Any]]:
 def _signals(flight: FlightResult) -> list[tuple[str, Sequence[str], np.ndarray]]:
     """Return topic, names and values (n, len(names)) of all that is plotted and there."""
     s = flight.signals
-    error = flight.flown - flight.signals["p_ref"]
+    error = flight.flown - s["p_ref"]
     known = (
         ("/velocity", XYZ, s["x_true"][:, 7:10]),
         ("/body_rate", XYZ, s["x_true"][:, 10:13]),
@@ -131,7 +132,7 @@ def _bodies(flight: FlightResult, track: np.ndarray) -> list[Any]:
     """Return vehicle, payload and the line of the reference, `track` (n, 3) [m]."""
     vehicle = flight.config.vehicle
     middle = np.zeros(3)
-    width = 2 * flight.config.vehicle.rotor_radius
+    width = 2 * vehicle.rotor_radius
     arm = float(np.mean(np.linalg.norm(vehicle.rotor_positions, axis=1)))
     body = _fox().CubePrimitive(**_solid(middle, (0.6 * arm, 0.6 * arm, 0.3 * arm), DARK))
     rotors = [
@@ -156,19 +157,19 @@ def _time(nanoseconds: int) -> Any:
     return _fox().Timestamp(*divmod(nanoseconds, 10**9))
 
 
-def _vector(kind: str, names: str, values: Sequence[float] | np.ndarray) -> Any:
+def _vector(kind: str, names: str, values: Numbers) -> Any:
     """Return a message of numbers by name: Vector3, Point3, Quaternion or Color."""
     return getattr(_fox(), kind)(**dict(zip(names, map(float, values), strict=True)))
 
 
-def _pose(p: Sequence[float] | np.ndarray, q: Sequence[float] | np.ndarray = LEVEL) -> Any:
+def _pose(p: Numbers, q: Numbers = LEVEL) -> Any:
     """Return a pose of position p (3,) [m] and quaternion q (4,)."""
     return _fox().Pose(
         position=_vector("Vector3", "xyz", p), orientation=_vector("Quaternion", "wxyz", q)
     )
 
 
-def _transform(child: str, when: int, p: np.ndarray, q: Sequence[float] | np.ndarray) -> Any:
+def _transform(child: str, when: int, p: np.ndarray, q: Numbers) -> Any:
     """Return the transform of a frame in W: position p (3,) [m] and quaternion q (4,)."""
     return _fox().FrameTransform(
         timestamp=_time(when),
@@ -184,9 +185,7 @@ def _entity(frame: str, name: str, **shapes: Any) -> Any:
     return _fox().SceneEntity(frame_id=frame, id=name, frame_locked=True, **shapes)
 
 
-def _solid(
-    p: Sequence[float] | np.ndarray, size: Sequence[float], color: Sequence[float]
-) -> dict[str, Any]:
+def _solid(p: Numbers, size: Sequence[float], color: Sequence[float]) -> dict[str, Any]:
     """Return place, size (3,) [m] and colour of a cube, sphere or cylinder about p (3,) [m]."""
     shown = _vector("Color", "rgba", (*color, 1.0))
     return {"pose": _pose(p), "size": _vector("Vector3", "xyz", size), "color": shown}

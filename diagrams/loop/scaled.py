@@ -14,6 +14,7 @@ from np_drake.vehicle.scaling import Scales, payload_ratio, ratios
 # names and the noise of sensors have none: a sensor does not shrink with the vehicle that carries
 # it.
 LENGTH = (1, 0, 0, 0)
+MASS = (0, 1, 0, 0)
 TIME = (0, 0, 1, 0)
 RATE = (0, 0, -1, 0)
 SPEED = (1, 0, -1, 0)
@@ -23,21 +24,26 @@ FLIGHT: dict[str, Any] = {
     "duration": TIME,
     "reality": {
         "rotor_drag": (0, 1, -1, 0),
-        **dict.fromkeys(("motor_lag", "command_delay"), TIME),
+        "motor_lag": TIME,
+        "command_delay": TIME,
         "thrust_loss": RATE,
-        **dict.fromkeys(("wind", "gust"), SPEED),
+        "wind": SPEED,
+        "gust": SPEED,
     },
     "reference": {
         **dict.fromkeys(("radius", "length", "width", "rise", "height", "within"), LENGTH),
-        **dict.fromkeys(("amplitude", "dither"), LENGTH),
+        "amplitude": LENGTH,
+        "dither": LENGTH,
         "speed": SPEED,
-        **dict.fromkeys(("ramp", "rest"), TIME),
-        **dict.fromkeys(("band", "dither_frequencies"), RATE),
+        "ramp": TIME,
+        "rest": TIME,
+        "band": RATE,
+        "dither_frequencies": RATE,
     },
     "controller": {
         "period": CLOCK,
         "command_delay": TIME,
-        "label": dict.fromkeys(("force_bandwidth", "torque_bandwidth"), PER_CLOCK),
+        "label": {"force_bandwidth": PER_CLOCK, "torque_bandwidth": PER_CLOCK},
         "mpc": {  # a cost has no unit: a weight is the inverse square of what it weighs
             "weight_position": (-2, 0, 0, 0),
             "weight_velocity": (-2, 0, 2, 0),
@@ -56,13 +62,17 @@ FLIGHT: dict[str, Any] = {
 # share of its length under the payload's weight, and its axial oscillation takes the same share of
 # the unit of time.
 PAYLOAD = {
-    **dict.fromkeys(("length", "hook", "radius"), LENGTH),
-    **dict.fromkeys(("mass", "rope_mass"), (0, 1, 0, 0)),
+    "length": LENGTH,
+    "hook": LENGTH,
+    "radius": LENGTH,
+    "mass": MASS,
+    "rope_mass": MASS,
     "stiffness": (0, 1, -2, 0),
     "damping": (0, 1, -1, 0),
-    **dict.fromkeys(("air_damping", "rope_air_damping"), RATE),
+    "air_damping": RATE,
+    "rope_air_damping": RATE,
 }
-EVENT = {"time": TIME, "mass": (0, 1, 0, 0), "impulse": (1, 1, -1, 0)}  # of the payload, as above
+EVENT = {"time": TIME, "mass": MASS, "impulse": (1, 1, -1, 0)}  # of the payload, as above
 
 
 def scaled(config: Any) -> Any:
