@@ -86,14 +86,19 @@ def constants() -> str:
     tables: dict[str, list[str]] = {}
     for path in sorted(path for floor in FLOORS for path in (root / floor).rglob("*.py")):
         place = path.relative_to(root).with_suffix("")
-        lines = tables.setdefault(".".join(place.parts[:2][: len(place.parts) - 1]), [])
+        lines = tables.setdefault(".".join(place.parts[:-1][:2]), [])
         lines += [
             f"| `{place.name}.{name}` | `{value}` | {unit} | {_plain(meaning)} | {_plain(reason)} |"
             for name, value, unit, meaning, reason in chosen(path.read_text("utf-8"))
         ]
-    head = "| constant | value | unit | meaning | reason |\n|---|---|---|---|---|"
-    sections = [f"## `{room}`\n\n{head}\n" + "\n".join(t) for room, t in tables.items() if t]
+    head = "constant | value | unit | meaning | reason"
+    sections = [f"## `{room}`\n\n{_table(head, t)}" for room, t in tables.items() if t]
     return "\n\n".join([CONSTANTS, *sections, ""])
+
+
+def _table(head: str, rows: list[str]) -> str:
+    """Return a table of rows; `head` names its columns between bars."""
+    return "\n".join([f"| {head} |", "|---" * len(head.split("|")) + "|", *rows])
 
 
 def chosen(source: str) -> list[tuple[str, str, str, str, str]]:
@@ -108,11 +113,11 @@ def chosen(source: str) -> list[tuple[str, str, str, str, str]]:
         text = _comment_of(node, comments)
         if not CHOICE.search(text):
             continue
-        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        target = node.targets[0] if isinstance(node, ast.Assign) else node.target
         unit = re.search(r"\[([^\]]*)\]", text)
         meaning, reason = CHOICE.split(re.sub(r"\s*\[[^\]]*\]", "", text, count=1), maxsplit=1)
         value = " ".join(ast.unparse(node.value).split()).replace("|", "\\|")
-        rows.append((ast.unparse(targets[0]), value, unit[1] if unit else "–", meaning, reason))
+        rows.append((ast.unparse(target), value, unit[1] if unit else "–", meaning, reason))
     return rows
 
 
@@ -187,13 +192,7 @@ def parameters() -> str:
         for identifier, effect in effects_for("rotor_speed", neighbours=True).items()
         for figures, alike in groupby(effect.parameters, _figures)
     ]
-    return "\n".join(
-        [
-            "| effect | parameter | unit | neutral | range | typical |",
-            "|---|---|---|---|---|---|",
-            *rows,
-        ]
-    )
+    return _table("effect | parameter | unit | neutral | range | typical", rows)
 
 
 def fields(name: str, path: str = "") -> str:
@@ -203,7 +202,7 @@ def fields(name: str, path: str = "") -> str:
         f"| `{field}` | {unit} | {default} | {_plain(meaning)} |"
         for field, (unit, default, meaning) in about.items()
     ]
-    return "\n".join(["| field | unit | default | meaning |", "|---|---|---|---|", *rows])
+    return _table("field | unit | default | meaning", rows)
 
 
 def part(name: str, path: str = "") -> Any:

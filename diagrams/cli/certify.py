@@ -70,7 +70,7 @@ def certify(run: Run, asked: CertifyOptions) -> Report:
         tables(certificate),
         config={
             "scenario": settings_of(config),
-            "over": list(asked.over),
+            "over": asked.over,
             "limit": asked.limit,
             "confidence": asked.confidence,
             "within": asked.within,

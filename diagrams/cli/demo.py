@@ -44,8 +44,8 @@ def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
         [
             flights_table(flights),
             _reduction_table(result.reduction()),
-            (causes, effects, list(cause_rows(result))),
-            (meeting, errors, list(meeting_rows(result))),
+            (causes, effects, cause_rows(result)),
+            (meeting, errors, meeting_rows(result)),
         ],
         config=settings_of(flights[-1].config),
         metrics={

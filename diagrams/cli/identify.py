@@ -356,8 +356,8 @@ def _tables(result: Identification, rows: list[HeldOutErrors]) -> list[Table]:
             (
                 ("flight", lambda row: row.flight),
                 ("model", lambda row: row.model),
-                ("force [N]", lambda row: float(np.linalg.norm(row.force))),
-                ("torque [N·m]", lambda row: float(np.linalg.norm(row.torque))),
+                ("force [N]", lambda row: np.linalg.norm(row.force)),
+                ("torque [N·m]", lambda row: np.linalg.norm(row.torque)),
                 ("0.1 s [m]", lambda row: row.open_loop[0, 0]),
                 ("0.5 s [m]", lambda row: row.open_loop[1, 0]),
                 ("0.1 s [deg]", lambda row: np.rad2deg(row.open_loop[0, 2])),

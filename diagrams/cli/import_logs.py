@@ -102,7 +102,7 @@ def import_logs(
             )
             timing = 1e3 * imported.sheet.timing
             rows += [
-                (log.name, float(log.t[-1]), 1 / log.step, log.input, timing, gaps)
+                (log.name, log.t[-1], 1 / log.step, log.input, timing, gaps)
                 for log in imported.flights
             ]
             advance(number + 1, path.name)

@@ -211,7 +211,7 @@ def reports(
             asked = {name: given.pop(name) for name in shared}
             out_folder = asked.get("out")
             pages = {n: asked[n] for n in ("json", "markdown") if asked.get(n) is not None}
-            written = [given[name] for name in files if given.get(name) is not None]
+            written = [path for path in map(given.get, files) if path is not None]
             kept = [path for path in (*map(given.get, folders), out_folder) if path is not None]
             require_outputs(*pages.values(), *written, folders=kept)
             cases = None if out_folder is None else out_folder / CASES

@@ -111,7 +111,7 @@ def content(demo: Demo) -> dict[str, Any]:
         "meeting": meeting_rows(demo),
         "simulated": words.number(demo.simulated_seconds, 2),
         "replayed": [
-            words.measure(None if gap is None else float(gap.position[-1, 0]), "m") for gap in gaps
+            words.measure(None if gap is None else gap.position[-1, 0], "m") for gap in gaps
         ],
         "horizon": gaps[0] and f"{gaps[0].horizon[-1]:g}",
     }

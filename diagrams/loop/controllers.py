@@ -42,6 +42,7 @@ from systems.rate_loop import RateLoopTorque
 from systems.residual_predictor import ResidualPredictor
 from systems.wrench_oracle import WrenchOracle
 
+Ports = dict[str, OutputPort]  # by signal name
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
 # A command that feeds through is read just after the events of an instant and just before the
 # recorder looks at it.
@@ -84,7 +85,7 @@ def add_controller(
     *,
     model: ResidualModel | TrueModel | None = None,
     factory: Factory | None = None,
-) -> dict[str, OutputPort]:
+) -> Ports:
     """Add reference source, estimator, predictor and MPC, and return their vector ports by signal
     name.
 
@@ -114,9 +115,7 @@ def add_controller(
     return _add_mpc(loop, residual or make_residual_model(config, loop.vehicle), truth)
 
 
-def _add_mpc(
-    loop: Loop, model: ResidualModel | None, truth: TrueModel | None
-) -> dict[str, OutputPort]:
+def _add_mpc(loop: Loop, model: ResidualModel | None, truth: TrueModel | None) -> Ports:
     """Add the MPC with a residual model, or with the oracle where `truth` is given."""
     builder, config, believed, _, sensors = loop
     label = model.label if isinstance(model, ReadsLabels) else config.label
@@ -261,7 +260,7 @@ def _add_rate_loop(loop: Loop, rates_thrust: OutputPort) -> OutputPort:
     return rate_loop.get_output_port()
 
 
-def _add_cascade(loop: Loop) -> dict[str, OutputPort]:
+def _add_cascade(loop: Loop) -> Ports:
     """Add reference source and cascaded controller, which runs twice a period; nothing is solved or
     predicted.
     """
@@ -272,17 +271,20 @@ def _add_cascade(loop: Loop) -> dict[str, OutputPort]:
     builder.Connect(source.GetOutputPort("flat"), target.get_input_port())
     builder.Connect(target.get_output_port(), cascade.GetInputPort("target"))
     loop.connect(sensors, cascade, "x")
-    ports = {"u": cascade.GetOutputPort("u"), **_nothing_solved(loop)}
-    return {**ports, "p_ref": source.GetOutputPort("position")}
+    return {
+        **_nothing_solved(loop),
+        "u": cascade.GetOutputPort("u"),
+        "p_ref": source.GetOutputPort("position"),
+    }
 
 
-def _nothing_solved(loop: Loop) -> dict[str, OutputPort]:
+def _nothing_solved(loop: Loop) -> Ports:
     """Add status and time of a solve for a controller that has none."""
     zero = loop.add("nothing_solved", ConstantVectorSource([0.0])).get_output_port()
     return {"status": zero, "solve_time": zero}
 
 
-def _add_users(loop: Loop, factory: Factory) -> dict[str, OutputPort]:
+def _add_users(loop: Loop, factory: Factory) -> Ports:
     """Add a controller of the user's own with reference source and estimator of wrenches.
 
     A command that feeds through is read at multiples of `config.period`, and held.
@@ -380,7 +382,7 @@ def _payload_filter(config: ControllerConfig, vehicle: Vehicle) -> PayloadFilter
 
 def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> motion_model.MotionModel:
     model = motion_model.MotionModel.load(config.predictor)
-    _require_fit(model, model.step, config, vehicle)
+    _require_fit(model, model.step, config, vehicle, config.label)
     return model
 
 
@@ -394,13 +396,9 @@ MAKERS: dict[str, Callable[[ControllerConfig, Vehicle], ResidualModel]] = {
 
 
 def _require_fit(
-    model: Trained,
-    step: float,
-    config: ControllerConfig,
-    vehicle: Vehicle,
-    label: LabelConfig | None = None,
+    model: Trained, step: float, config: ControllerConfig, vehicle: Vehicle, label: LabelConfig
 ) -> None:
-    """Check that the model was trained for world axes, labels (default: those of config) and steps.
+    """Check that the model was trained for world axes, these labels and the steps of config.
 
     In body axes its zeta would be R^T v, which is not linear in the predicted state: the lifted
     linear system could not be eliminated exactly.
@@ -412,7 +410,7 @@ def _require_fit(
         f"controller: the predictor must be trained on wrenches in world axes; its are "
         f"in {frame} axes. Train it on a flight log.",
     )
-    require_origin(model, origin_of("world", vehicle, label or config.label))
+    require_origin(model, origin_of("world", vehicle, label))
     require(
         abs(step - config.period) <= 1e-9,
         f"controller: the predictor's step must equal the period; got {step}, "

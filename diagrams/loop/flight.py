@@ -17,8 +17,7 @@ from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
 from np_drake.autopilot.offboard import OffboardConfig
 from np_drake.command_delay import LONGEST_DELAY
-from np_drake.effects.calibration import in_flight
-from np_drake.effects.combine import mass_properties, split_effects
+from np_drake.effects.combine import mass_properties
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.pendulum import Payload
 from np_drake.files.yaml_file import filled, one_line, read_yaml
@@ -137,7 +136,7 @@ class FlightConfig:
         """
         hung = self.reality.hung
         t = self.reality.hangs_at
-        height = float(self.motion.sample(np.array([t]))[0, 0, 2])
+        height = self.motion.sample(np.array([t]))[0, 0, 2]
         require(
             hung.tether == "none" or hung.reach <= height,
             f"{self.name}: the payload must hang above the ground at {t:g} s; its lowest point is "
@@ -246,7 +245,7 @@ class FlightConfig:
             (-rotors.min(axis=1), 0.0, "pull no rotor down; demands {:.3g} N of one", smoother),
         )
         for values, bound, what, remedy in bounds:
-            k = int(np.argmax(values))
+            k = np.argmax(values)
             broken = f"must {what.format(values[k], size[k])} at {t[k]:.2f} s. {remedy}"
             require(values[k] <= bound, f"{self.reference.track}: {broken}")
 
@@ -292,7 +291,7 @@ class FlightConfig:
         if payload.tether == "cable":
             turning = np.sum(np.square(payload.hook)) / np.linalg.eigvalsh(self.vehicle.J)[0]
             mass, stiffness, damping = payload.fastest
-            reduced = 1 / (1 / mass + float(1 / self.vehicle.mass + turning))
+            reduced = 1 / (1 / mass + 1 / self.vehicle.mass + turning)
             rates += [np.sqrt(stiffness / reduced), damping / reduced]
         rates += [
             1 / lag for lag in (*self.reality.lags, self.vehicle.rotor_time_constant) if lag > 0
@@ -306,18 +305,18 @@ class FlightConfig:
         x, y, z = payload.hook
         bob = Payload(payload.mass, payload.length, (x, y, z), payload.air_damping)
         hung = None if payload.tether == "none" else bob
-        calibration = split_effects(in_flight(self.vehicle, others=reality.actuator_effects()))
-        actuators = [*reality.actuator_effects(), *calibration.actuator]
+        places = reality.with_calibration(self.vehicle)
+        actuators = places.actuator
         if self.vehicle.rotor_time_constant and not any(isinstance(e, MotorLag) for e in actuators):
             actuators.insert(0, MotorLag(self.vehicle.rotor_time_constant))
         return TrueModel(
             self.controller.believed(self.vehicle),
             hung,
-            [*calibration.wrench, *reality.wrench_effects()],
+            places.wrench,
             [e for e in actuators if e.dead_time == 0.0],
             sum(e.dead_time for e in actuators),
             reality.onsets,
-            [*calibration.mass, *reality.mass_effects()],
+            places.mass,
             reality.hangs_at,
             self._payloads(hung),
         )

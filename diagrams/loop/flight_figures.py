@@ -31,7 +31,7 @@ def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     An error along the track does not show here; `errors` has it.
     """
     x, y = np.ptp(flights[0].signals["p_ref"][flights[0].last_lap, :2], axis=0) + 0.3
-    tall = 1.0 + 5.0 * float(np.clip(y / x, 1 / 3, 1.0))
+    tall = 1.0 + 5.0 * np.clip(y / x, 1 / 3, 1.0)
     figure, axes = new_mosaic(
         [["track"], ["height"]], width=6.0, height=tall + 1.8, height_ratios=[tall, 1.4]
     )
@@ -91,12 +91,12 @@ def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
 def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
     """Draw the height against time, and the heights of waypoints."""
     first = flights[0]
-    points = flights[0].config.reference.waypoints
+    points = first.config.reference.waypoints
     t = first.signals["t"][first.last_lap]
     ref = first.signals["p_ref"][first.last_lap]
     ax.plot(t, ref[:, 2], **_REFERENCE)
     if points is not None:
-        near = [int(np.argmin(np.linalg.norm(ref - point, axis=1))) for point in points]
+        near = [np.argmin(np.linalg.norm(ref - point, axis=1)) for point in points]
         ax.plot(t[near], points[:, 2], **_WAYPOINTS)
     for k, flight in enumerate(flights):
         lap = flight.last_lap

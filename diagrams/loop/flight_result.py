@@ -61,9 +61,11 @@ class FlightResult:
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the metrics in a short table, and warnings."""
         m = self.metrics()
-        rows = [(name, f"{100 * m[name]:.2f} cm") for name in ("E_xy", "E_z")]
-        rows.append(("median time of a solve", f"{m['solve_ms']['median']:.2f} ms"))
-        rows.append(("failed", str(m["solve_failures"])))
+        rows = [
+            *((name, f"{100 * m[name]:.2f} cm") for name in ("E_xy", "E_z")),
+            ("median time of a solve", f"{m['solve_ms']['median']:.2f} ms"),
+            ("failed", str(m["solve_failures"])),
+        ]
         title = f"{self.config.name} with {self.label}, seed {self.seed}: {self.config.end:g} s"
         return html_table(title, (), rows, self.warnings())
 

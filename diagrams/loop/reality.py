@@ -18,7 +18,7 @@ from np_drake.effects.base import (
     WrenchEffect,
 )
 from np_drake.effects.calibration import in_flight
-from np_drake.effects.combine import acting, require_complete, split_effects
+from np_drake.effects.combine import EffectsByPlace, acting, require_complete, split_effects
 from np_drake.effects.disturbance import Disturbance, DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.effects.motor_lag import MotorLag, at_once
@@ -188,6 +188,14 @@ class RealityConfig:
         effects += [*self.wrench_effects(), *([payload] if payload else [])]
         return [*effects, *split_effects(self.added).measurement]
 
+    def with_calibration(self, vehicle: Vehicle) -> EffectsByPlace:
+        """Return what acts on wrench, thrust and mass of a vehicle, its calibration included."""
+        actuators = self.actuator_effects()
+        calibration = in_flight(vehicle, others=actuators)
+        return split_effects(
+            [*actuators, *calibration, *self.wrench_effects(), *self.mass_effects()]
+        )
+
     def thrust_at(self, vehicle: Vehicle, t: float, *, failing: bool = True) -> float:
         """Return real over nominal thrust, mean of the rotors [1].
 
@@ -214,17 +222,16 @@ def make_real_vehicle(
     Args:
         command_period: at whose multiples alone the command changes [s].
     """
-    calibration = split_effects(in_flight(vehicle, others=reality.actuator_effects()))
+    places = reality.with_calibration(vehicle)
     return make_tethered_quadrotor(
         vehicle,
         reality.hung,
-        wrench_effects=[*calibration.wrench, *reality.wrench_effects()],
+        wrench_effects=places.wrench,
         # What scales thrust acts behind the speed of the rotors.
         actuator_effects=sorted(
-            [*reality.actuator_effects(), *calibration.actuator],
-            key=lambda effect: not isinstance(effect, MotorLag),
+            places.actuator, key=lambda effect: not isinstance(effect, MotorLag)
         ),
-        mass_effects=[*calibration.mass, *reality.mass_effects()],
+        mass_effects=places.mass,
         command_period=command_period,
         onsets=reality.onsets,
         hangs_at=reality.hangs_at,

@@ -82,7 +82,7 @@ def add_quadrotor(
     for i, p in enumerate(vehicle.rotor_positions):
         arm = np.array(p, float)
         yaw = RotationMatrix.MakeZRotation(np.arctan2(arm[1], arm[0]))
-        beam = Box(float(np.linalg.norm(arm[:2])), 0.07 * size, 0.07 * size)
+        beam = Box(np.linalg.norm(arm[:2]), 0.07 * size, 0.07 * size)
         meshcat.SetObject(f"{path}/arm{i}", beam, overlay or DARK)
         meshcat.SetTransform(f"{path}/arm{i}", RigidTransform(yaw, arm * [0.5, 0.5, 1.0]))
         disc = Cylinder(vehicle.rotor_radius, 0.04 * size)
@@ -322,7 +322,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     s = flight.signals
     config = flight.config
     hung = flight.payload_position
-    rows = frames(s["t"])
+    t = s["t"]
+    rows = frames(t)
     size = scales(config.vehicle).length
     x = s["x_true"]
     reality = config.reality
@@ -339,21 +340,22 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     known = "true" if flight.wrench_label is None else "estimated"
     away = set_camera(meshcat, s["p_ref"][rows], size)
     near = min(away, NEAR * size + (0.0 if hung is None else reality.hung.length))
-    released = [event.time for event in config.events if event.kind == "release"]
+    releases = (event.time for event in config.events if event.kind == "release")
+    released = min(releases, default=np.inf)
     for frame, k in enumerate(rows):
         film.SetTransform(frame, "quadrotor", pose(x[k]))
         film.bar(frame, "thrust", *bar_pose(x[k, :3], thrust[k]))
         film.bar(frame, "force", *bar_pose(x[k, :3], force[k]))
         if hung is not None:
-            hangs = s["t"][k] >= reality.hangs_at
-            cut = any(s["t"][k] >= t for t in released)
+            hangs = t[k] >= reality.hangs_at
+            cut = t[k] >= released
             film.payload(frame, x[k], np.array(reality.hung.hook), hung[k])
             film.SetProperty(frame, "payload", "visible", bool(hangs))
             film.SetProperty(frame, "tether", "visible", bool(hangs and not cut))
     count = np.arange(len(rows))
     page = Page(
         title=flight.title,
-        start=float(s["t"][0]),
+        start=float(t[0]),
         read_outs=(("position error", GREEN, position_error(flight)[rows]),),
         trails=(("trail", 0 * count, count),) if len(rows) > 1 else (),
         legend=(
@@ -386,7 +388,7 @@ def _arrows(flight: FlightResult) -> tuple[np.ndarray, np.ndarray, float]:
         c for c in (flight.chi_foreseen, flight.wrench_label, flight.chi_true) if c is not None
     )
     force = np.nan_to_num(chi[:, :3])
-    usual = float(np.quantile(np.linalg.norm(force[flight.scored], axis=1), 0.9))
+    usual = np.quantile(np.linalg.norm(force[flight.scored], axis=1), 0.9)
     room = 0.9 * vehicle.mass * vehicle.gravity / max(usual, 1e-9)
     factor = max((f for f in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0) if f <= room), default=1.0)
     return scale * thrust, factor * scale * force, factor
