@@ -86,8 +86,8 @@ def _solve(
             cases, out, workers=run.workers, replay=replay, again=again, on_progress=on_progress
         )
         on_progress(result["cases"], result["cases"])
-    say(*(f"{row['case']}: {row['error']}" for row in result["failed"]))
     failed = result["failed"]
+    say(*(f"{row['case']}: {row['error']}" for row in failed))
     walls = [row["wall"] for row in result["solved"]]
     typical = f", {sum(walls) / len(walls):.3g} s a case" if walls else ""
     counts = f"{len(walls)} solved{typical}, {result['skipped']} kept, {len(failed)} failed"

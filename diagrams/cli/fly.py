@@ -449,7 +449,7 @@ def node(run: Run, asked: NodeOptions) -> Report:
         f"controller: must be one of this project's; got {config.controller.kind}. Name "
         f"another --controller, or simulate your own.",
     )
-    if config.controller.deadline == float("inf"):
+    if config.controller.deadline == np.inf:
         config.controller.deadline = DEADLINE * config.controller.period
     connection = MavlinkLink(asked.link, asked.baud)
     with closing(connection) as port, closing(nodes.SolverThread()) as worker:
@@ -468,7 +468,7 @@ def node(run: Run, asked: NodeOptions) -> Report:
                 messages.show(now)
                 advance(t, f"{now.phase.value}{_pose(now.x)}")
 
-            wait = float("inf") if asked.wait is None else asked.wait
+            wait = np.inf if asked.wait is None else asked.wait
             nodes.fly(flying, wait=wait, ended=ended, monitor=monitor)
             messages.show(flying)
     flown = flying.flown

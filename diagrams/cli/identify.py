@@ -296,8 +296,9 @@ def _split(
     short = [log.name for log in (*offered, *given) if lasts(log) < SHORTEST]
     notes = [f"{name}: shorter than {SHORTEST:g} s; left out" for name in short]
     if given and not judges:
-        length = lasts(given[0])
-        raise ValueError(f"--held-out: must last {SHORTEST:g} s at least; got {length:.2g} s.")
+        raise ValueError(
+            f"--held-out: must last {SHORTEST:g} s at least; got {lasts(given[0]):.2g} s."
+        )
     most = max(map(lasts, offered), default=0.0)
     require(
         bool(fitted), f"needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s."

@@ -209,14 +209,16 @@ def _learn_vehicle(lesson: Lesson) -> Learnt:
                 prior=learned or PayloadFilterModel.load(FILTER_MODEL),
                 on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}"),
             )
-    error = 100 * model.thrust_error
-    spread = 100 * model.thrust_error_deviation
-    drag = model.mass * model.drag
-    drag_spread = model.mass * model.drag_deviation
     torque = ", ".join(f"{1e3 * c:.3g}" for c in model.speed_torque)
     rows: list[tuple] = [
-        ("thrust error [%]", f"{error:.2f} ± {spread:.2f}"),
-        ("drag [N·s/m]", f"{drag:.3f} ± {drag_spread:.3f}"),
+        (
+            "thrust error [%]",
+            f"{100 * model.thrust_error:.2f} ± {100 * model.thrust_error_deviation:.2f}",
+        ),
+        (
+            "drag [N·s/m]",
+            f"{model.mass * model.drag:.3f} ± {model.mass * model.drag_deviation:.3f}",
+        ),
         ("hook x, y, z [mm]", ", ".join(f"{1e3 * value:.1f}" for value in model.hook)),
         ("torque over velocity, roll, pitch [mN·s]", torque),
         *_timing(model.rotor_lag, model.delay),

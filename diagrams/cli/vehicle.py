@@ -124,8 +124,7 @@ def presets() -> None:
         source = next(line for line in lines if line.startswith("# Source")).split(": ", 1)[1]
         source = re.split(r",| for |;", source)[0].rstrip(".")
         arm = 100 * scales(known).length
-        ratio = numbers(known).thrust_to_weight
-        rows.append((name, known.mass, arm, ratio, source))
+        rows.append((name, known.mass, arm, numbers(known).thrust_to_weight, source))
     header = ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"]
     print_table("vehicles", header, rows)
 

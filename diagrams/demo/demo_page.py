@@ -20,6 +20,7 @@ from np_drake.files.figure_file import DASHES, PALETTE, Figure, new_figure
 from np_drake.files.page import Section, write_page
 from np_drake.logs.formats.log_file import write_log
 
+Rows = list[tuple[str, ...]]  # of a table
 FILE = "index.html"
 TEMPLATE = Path(__file__).with_name("index.html.j2")
 LABELS = {
@@ -131,12 +132,12 @@ def headline(demo: Demo) -> str:
     )
 
 
-def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
+def cause_rows(demo: Demo) -> Rows:
     """Return (effect, probability, parameter, found, 95 % interval, withheld), a row for every
     parameter.
     """
     causes = {cause.identifier: cause for cause in words.named_causes(demo.diagnosis)}
-    rows: list[tuple[str, ...]] = []
+    rows: Rows = []
     for name, cause in causes.items():
         first = (words.capital(words.bare_name(name)), words.probability(cause.probability))
         for parameter, estimate in cause.parameters.items():
@@ -161,7 +162,7 @@ def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
     ]
 
 
-def meeting_rows(demo: Demo) -> list[tuple[str, ...]]:
+def meeting_rows(demo: Demo) -> Rows:
     """Return (controller, error, flight, nominal, corrected simulator, its difference)."""
     return [
         (

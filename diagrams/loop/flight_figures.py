@@ -10,6 +10,7 @@ import numpy as np
 from np_drake.files.figure_file import DASHES, PALETTE, Axes, Figure, new_figure, new_mosaic
 
 FlightResult = Any  # of diagrams.loop.flight_result, which draws these figures itself
+Flights = Sequence[FlightResult]
 LEAST_EXTENT = 0.05  # of a track that is no hover [m]; half the window about a hover
 # half the height that is shown at least, so that noise does not fill the panel [m]
 LEAST_HEIGHT = 0.05
@@ -24,7 +25,7 @@ _WAYPOINTS: dict[str, Any] = {
 }
 
 
-def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
+def plane_track(flights: Flights, title: str = "") -> Figure:
     """Plot the track of several controllers from above and its height, with the reference; the last
     lap only.
 
@@ -40,7 +41,7 @@ def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     return _legend(figure, axes["track"])
 
 
-def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
+def errors(flights: Flights, title: str = "") -> Figure:
     """Plot the position error against time, one panel an axis."""
     figure, axes = new_figure(3, 1, width=7.0, height=5.0)
     _draw_errors(axes[:, 0], flights)
@@ -48,7 +49,7 @@ def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
     return _legend(figure, axes[0, 0])
 
 
-def overlay(flights: Sequence[FlightResult], title: str = "") -> Figure:
+def overlay(flights: Flights, title: str = "") -> Figure:
     """Plot the flights of several controllers over each other: track, height, and the position
     error an axis.
     """
@@ -68,7 +69,7 @@ def _legend(figure: Figure, ax: Axes, columns: int = 4) -> Figure:
     return figure
 
 
-def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
+def _draw_track(ax: Axes, flights: Flights, title: str) -> None:
     """Draw the last lap from above, with waypoints."""
     first = flights[0]
     ref = first.signals["p_ref"][first.last_lap]
@@ -88,7 +89,7 @@ def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
     ax.grid(alpha=0.3)
 
 
-def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
+def _draw_height(ax: Axes, flights: Flights) -> None:
     """Draw the height against time, and the heights of waypoints."""
     first = flights[0]
     points = first.config.reference.waypoints
@@ -107,7 +108,7 @@ def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
     _against_time(ax, "height z [m]", ylim=(middle - half, middle + half), xlabel="time [s]")
 
 
-def _draw_errors(axes: Sequence[Axes], flights: Sequence[FlightResult]) -> None:
+def _draw_errors(axes: Sequence[Axes], flights: Flights) -> None:
     """Draw the position error against time, an axis a panel."""
     for i, ax in enumerate(axes):
         for k, flight in enumerate(flights):

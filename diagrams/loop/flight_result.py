@@ -24,6 +24,7 @@ from np_drake.references.waypoints import nearest
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 
+Signals = dict[str, np.ndarray]  # in the form of `Recorder.read`
 WRENCH = ("fx", "fy", "fz", "taux", "tauy", "tauz")  # columns of a wrench [N, N·m]
 # Height below which a vehicle counts as lost, and a payload is warned of: the simulator has no
 # ground, flights do [m].
@@ -37,7 +38,7 @@ class LostVehicle(FailedRun):
     signals: until then, in the form of `Recorder.read`.
     """
 
-    signals: dict[str, np.ndarray]
+    signals: Signals
 
 
 @dc.dataclass(repr=False)
@@ -49,7 +50,7 @@ class FlightResult:
 
     config: FlightConfig
     seed: int  # of the noise
-    signals: dict[str, np.ndarray]
+    signals: Signals
     blackbox: bytes = b""  # log that the autopilot's firmware itself has written; empty without one
 
     def __repr__(self) -> str:
@@ -343,7 +344,7 @@ def _advance(
     monitor: Callable[[float], None] | None,
     tolerance: float,
     real_time: bool,
-) -> dict[str, np.ndarray]:
+) -> Signals:
     """Fly to the end, and return the recorded signals; arguments as of `fly`."""
     context = simulator.get_mutable_context()
     who = config.controller.name
