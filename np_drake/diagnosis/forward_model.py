@@ -101,7 +101,7 @@ def pendulum_error(
     Source: own choice, from errors in simulated flights; w from momentum theory.
     """
     kind = name.split("_")[0]
-    value = float(getattr(payload, name))
+    value = getattr(payload, name)
     sigma = priors.pendulum * PENDULUM[kind]
     if kind in ("hook", "damping"):
         return 1.0, sigma
@@ -322,17 +322,17 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
     y = np.zeros_like(flight.y)
     if not effect.corrupts or effect.clock_shift:
         return y
-    a = np.zeros((len(log), 3)) if log.a is None else log.a
     x = log.x if log.a is None else flight.rows.x  # with the attitude that the channels use
-    logged = Measurement(x, a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
-    truth = true_measurement(flight.vehicle, logged, [effect])
-    read = effect.measure(flight.vehicle, truth, np.zeros((len(log), 0)))
+    vehicle = flight.vehicle
+    truth = true_measurement(vehicle, measurement_of(x, log.a), [effect])
+    read = effect.measure(vehicle, truth, np.zeros((len(log), 0)))
     onto = Resampler.of_instants(flight.grid, log.t) if log.a is None else flight.from_rows
-    mass = flight.vehicle.mass
+    mass = vehicle.mass
     moved = read.x - truth.x
+    steps = np.diff(log.t)[:, None]
     if moved[:, V].any():
         y[:, POSITION] = -onto(attitude.rotate_back(truth.x[:, Q], moved[:, V]))
-        dv_W = np.diff(moved[:, V], axis=0) / np.diff(log.t)[:, None]
+        dv_W = np.diff(moved[:, V], axis=0) / steps
         rate = flight.from_mids(attitude.rotate_back(flight.mids.q, dv_W))
         if log.a is None:
             y[:, FORCE] = mass * rate
@@ -340,13 +340,13 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
             y[:, VELOCITY] = rate
     if moved[:, W].any():
         dw = flight.from_mids(0.5 * (moved[1:, W] + moved[:-1, W]))
-        J = flight.vehicle.J
+        J = vehicle.J
         w = flight.w - dw
-        rate = np.diff(moved[:, W], axis=0) / np.diff(log.t)[:, None]
+        rate = np.diff(moved[:, W], axis=0) / steps
         y[:, TORQUE] = flight.gyroscopic - np.cross(w, w @ J.T) + flight.from_mids(rate) @ J.T
         y[:, ATTITUDE] = -dw
-    turned = bool(moved[:, Q].any())
-    biased = log.a is not None and bool(np.any(read.a != truth.a))
+    turned = moved[:, Q].any()
+    biased = log.a is not None and np.any(read.a != truth.a)
     if turned:
         y[:, ATTITUDE] += flight.from_mids(_turn_rate(log.t, read) - _turn_rate(log.t, truth))
     if turned or biased:
@@ -375,7 +375,7 @@ def _specific_force(flight: FlightResiduals, read: Measurement) -> np.ndarray:
             flight.log.step,
             DIFFERENTIATED_BAND,
         )
-    return attitude.rotate_back(read.x[:, Q], a + np.array([0.0, 0.0, flight.vehicle.gravity]))
+    return attitude.rotate_back(read.x[:, Q], a + [0.0, 0.0, flight.vehicle.gravity])
 
 
 def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> FlightResiduals:
@@ -391,14 +391,20 @@ def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> 
         return flight
 
     def before(read: Instants) -> Instants:
-        none = np.zeros((len(read.t), 4))
-        logged = Measurement(read.x, read.a, none[:, :3], none)
+        logged = measurement_of(read.x, read.a)
         return dc.replace(read, x=true_measurement(flight.vehicle, logged, acting).x)
 
-    rows = before(flight.rows)
     mids = before(flight.mids)
     dw = flight.from_mids(flight.mids.x[:, W] - mids.x[:, W])
-    return dc.replace(flight, rows=rows, mids=mids, w=flight.w - dw)
+    return dc.replace(flight, rows=before(flight.rows), mids=mids, w=flight.w - dw)
+
+
+def measurement_of(x: np.ndarray, a: np.ndarray | None = None) -> Measurement:
+    """Return logged states (n, 13) and accelerations (n, 3), zero where there are none, as a
+    measurement whose other quantities are zero.
+    """
+    none = np.zeros((len(x), 4))
+    return Measurement(x, none[:, :3] if a is None else a, none[:, :3], none)
 
 
 def true_measurement(

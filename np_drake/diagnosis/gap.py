@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model import true_measurement
+from np_drake.diagnosis.forward_model import measurement_of, true_measurement
 from np_drake.diagnosis.held_out import (
     LEAST_GAP,
     HeldOut,
@@ -33,7 +33,7 @@ from np_drake.diagnosis.result import (
     Replay,
     ReplayGap,
 )
-from np_drake.effects.base import Effect, Measurement, Motion, SensorEffect
+from np_drake.effects.base import Effect, Motion, SensorEffect
 from np_drake.effects.combine import EffectsByPlace, mass_properties, total_wrench
 from np_drake.effects.library import REQUIREMENTS, effect_of
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -299,9 +299,7 @@ def true_states(log: FlightLog, vehicle: Vehicle, effects: Sequence[SensorEffect
     """Return the log's states corrected for sensor effects, and smoothed lightly
     (`smooth_states`).
     """
-    none = np.zeros((len(log), 4))
-    read = Measurement(log.x, none[:, :3], none[:, :3], none)
-    x = true_measurement(vehicle, read, effects).x if effects else log.x
+    x = true_measurement(vehicle, measurement_of(log.x), effects).x if effects else log.x
     shift = sum(effect.clock_shift for effect in effects)
     return States(log.t + shift, smooth_states(log.t, x))
 

@@ -387,14 +387,10 @@ def as_gusts(
         or not all(p.lower <= drag_effect.values[p.name] <= p.upper for p in drag_effect.parameters)
     ):
         return causes
-    force = wind_force(
-        flights,
-        {e.name: _without_drag(through_drag[e.name], e, drag_effect, begun) for e in flights},
-        onset,
-    )
+    force = wind_force(flights, _without_drag(flights, through_drag, drag_effect, begun), onset)
     # Stronger than winds are, even through the largest drag of the interval, they are none.
-    most = STRONGEST * float(
-        np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")])
+    most = STRONGEST * np.mean(
+        [max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")]
     )
     if not options.materiality.force * flights[0].weight <= force.deviation[0] <= most:
         return causes
@@ -414,14 +410,19 @@ def as_gusts(
 
 
 def _without_drag(
-    through_drag: np.ndarray, flight: FlightResiduals, drag: LinearDrag, begins: Begins
-) -> np.ndarray:
-    """Return (m, 15) what the wind pushes through the drag, without the drag itself, which acts
-    from its begin on.
+    flights: Sequence[FlightResiduals],
+    through_drag: Mapping[str, np.ndarray],
+    drag: LinearDrag,
+    begins: Begins,
+) -> dict[str, np.ndarray]:
+    """Return by flight (m, 15) what the wind pushes through the drag, without the drag itself,
+    which acts from its begin on.
     """
-    return through_drag - predicted_residual(
-        flight, [Term(drag, {flight.name: begins.get(flight.name)})]
-    )
+    terms = [Term(drag, dict(begins))]
+    return {
+        flight.name: through_drag[flight.name] - predicted_residual(flight, terms)
+        for flight in flights
+    }
 
 
 def _statistics(
@@ -475,20 +476,14 @@ def _onsets(
     acts = drag.onset
     effect = drag.effect
     assert isinstance(effect, LinearDrag)
-    windy = {
-        flight.name: _without_drag(through_drag[flight.name], flight, effect, {})
-        for flight in (*flights, *held_out)
-    }
+    windy = _without_drag([*flights, *held_out], through_drag, effect, {})
     at_once = (
         2
         * options.priors.onset_gain
         * any(drag.onset.get(flight.name) is not None for flight in flights)
     )
     for _ in range(WIND_ROUNDS):
-        residuals = {
-            flight.name: _without_drag(through_drag[flight.name], flight, effect, acts)
-            for flight in flights
-        }
+        residuals = _without_drag(flights, through_drag, effect, acts)
         wind = wind_force(flights, residuals, known)
         apart, together = (
             onsets_of(flights, held_out, (windy, still), known, wind, options)

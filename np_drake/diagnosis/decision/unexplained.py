@@ -204,7 +204,7 @@ def slow_torque(
     powers = np.zeros((3, 3))  # of slow torque, the middle band, and slow torque before
     for flight in flights:
         step = flight.grid.step
-        edge = round(1 / (SLOW_BAND * flight.grid.step))
+        edge = round(1 / (SLOW_BAND * step))
         tau, first = (
             y[:, TORQUE] - y[:, TORQUE].mean(axis=0) for y in (residual[flight.name], flight.y)
         )
@@ -324,7 +324,7 @@ def find_unexplained(
     tau = np.concatenate(
         [flight.nominal[:, 3:] - flight.nominal[:, 3:].mean(axis=0) for flight in flights]
     )
-    commanded = float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
+    commanded = np.sqrt(np.mean(np.sum(tau**2, axis=1)))
     # Least RMS force [N] and torque [N·m] of material structure.
     least = options.materiality.force * flights[0].weight, options.materiality.torque * commanded
     indications = [_indication(linear, structure, g, options, least) for g in structure]
@@ -340,10 +340,12 @@ def find_unexplained(
     large = rms > least[1] and (share > shown or not hidden)
     again = slow_torque(held_out.flights, both)[0] > shown * limit
     probability = _above(ratio, limit) if large and again else 0.0
-    figures = {"ratio": ratio}
-    measurement = "hover for a minute with rotor speed logged"
     finding = ResidualFinding(
-        "slow torque", "a torque that comes and goes", ratio, figures, measurement
+        "slow torque",
+        "a torque that comes and goes",
+        ratio,
+        {"ratio": ratio},
+        "hover for a minute with rotor speed logged",
     )
     indications.append(
         Indication.of(

@@ -107,7 +107,7 @@ def rotor_figure(vehicle: Vehicle, rotors: Sequence[RotorName], marked: Collecti
     p = np.array(vehicle.rotor_positions, float)[:, :2] @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     figure, grid = new_figure(1, 1, width=4.2, height=3.6)
     ax = grid[0, 0]
-    span = float(np.abs(p).max())
+    span = np.abs(p).max()
     radius = 0.36 * float(min(np.linalg.norm(a - b) for a, b in itertools.combinations(p, 2)))
     for rotor, centre, turn in zip(rotors, p, vehicle.rotor_directions, strict=True):
         stands_out = rotor.number in marked

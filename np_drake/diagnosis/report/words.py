@@ -274,7 +274,7 @@ def headline(diagnosis: Diagnosis) -> str:
     reduction = diagnosis.gap_reduction
     judges = _judges(diagnosis)
     remainder = reduction.remainder
-    sizes = sizes_left(reduction.remainder)
+    sizes = sizes_left(remainder)
     unknown = UNKNOWN in diagnosis.verdict
     causes = named_causes(diagnosis)
     first = causes[:MOST_NAMED]

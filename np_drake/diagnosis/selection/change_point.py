@@ -62,8 +62,9 @@ class TriedOnsets:
         """Add the untried rows about the best of the profile (n,)."""
         about = self.inside[np.abs(self.inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
         rows = np.setdiff1d(about, self.rows)
-        order = np.argsort(np.concatenate([self.rows, rows]))
-        self.rows = np.concatenate([self.rows, rows])[order]
+        tried = np.concatenate([self.rows, rows])
+        order = np.argsort(tried)
+        self.rows = tried[order]
         self.sums = self.sums.joined(self._flight.begun(self._X, self._suffix, rows), order)
 
     def most_likely(self, profile: np.ndarray) -> int:
@@ -168,12 +169,13 @@ class OnsetScan:
         start = {name: sums.rows([0]) for name, sums in suffix.items()}
         at = dict(start)
         for name, rows in self._inside.items():
-            profile = self._evidence(suffix[name].rows(rows), [at[n] for n in at if n != name])
-            now = self._evidence(start[name], [at[n] for n in at if n != name])[0]
+            rest = [at[n] for n in at if n != name]
+            profile = self._evidence(suffix[name].rows(rows), rest)
+            now = self._evidence(start[name], rest)[0]
             if len(rows) and profile.max() > now:
                 at[name] = suffix[name].rows([rows[np.argmax(profile)]])
-        first, *rest = at.values()
-        return float(self._evidence(first, rest)[0])
+        first, *others = at.values()
+        return float(self._evidence(first, others)[0])
 
     def _suffixes_given_others(
         self, name: str, candidate: Candidate
@@ -272,14 +274,14 @@ class OnsetScan:
                 if len(profile):
                     scan.refine(profile)
                     profile = self._evidence(scan.sums, rest)
-                    width = np.gradient(scan.rows.astype(float)) if len(scan.rows) > 1 else [1.0]
-                    area = float(np.exp(profile - profile.max()) @ width)
+                    width = np.gradient(scan.rows) if len(scan.rows) > 1 else [1.0]
+                    area = np.exp(profile - profile.max()) @ width
                     widths[name] = math.log(area / len(scan.inside))
                 start, never = self._evidence(scan.ends, rest).tolist()
                 may_lack = name in self._go_on and any(
                     s.begins for n, s in scans.items() if n != name
                 )
-                best = float(profile.max(initial=-np.inf)) + (prior + widths[name])
+                best = profile.max(initial=-np.inf) + (prior + widths[name])
                 never += prior if may_lack else 0.0
                 if best - max(start, never) > LEAST_ONSET_GAIN:
                     scan.settle(scan.most_likely(profile))

@@ -507,8 +507,9 @@ class PayloadSearch:
         def best_about(flight: FlightResiduals, near: float, span: float, step: float) -> float:
             """Return the best instant of one flight within `span` of `near` [s]."""
             head = [flight.head(int(np.searchsorted(flight.t, near + AFTER_ONSET)))]
-            horizon = AFTER_ONSET
-            regressors = OtherRegressors(head, noise, nuisance, [], {flight.name: near}, (horizon,))
+            regressors = OtherRegressors(
+                head, noise, nuisance, [], {flight.name: near}, (AFTER_ONSET,)
+            )
             first = max(flight.t[1], near - span)
             last = min(flight.t[-1], near + span)
             times = np.arange(first, last, max(step, flight.grid.step)).tolist()
@@ -517,7 +518,7 @@ class PayloadSearch:
                 payload = dc.replace(guess, onset={flight.name: t}, hidden={})
                 for _ in range(1 + STEPS_AT_HORIZON):
                     columns = payload_about(head, payload, self._priors)
-                    gain, mean = regressors.gain(columns, horizon)
+                    gain, mean = regressors.gain(columns, AFTER_ONSET)
                     payload = columns.moved(mean)
                 gains.append(gain)
             return times[np.argmax(gains)]
