@@ -303,7 +303,6 @@ def change(rows: Sequence[HeldOutErrors]) -> str:
     """Return how far the residual of held-out flights changes from the vehicle file to the
     identified one.
     """
-    names = list(dict.fromkeys(row.flight for row in rows))
     both = []
     for kind in ("force", "torque"):
         before, after = (
@@ -313,7 +312,11 @@ def change(rows: Sequence[HeldOutErrors]) -> str:
         if before > 0:
             fall = 1.0 - after / before
             both.append(f"{kind} {'falls' if fall >= 0 else 'rises'} by {percent(abs(fall))}")
-    return f"On {flights(len(names))} the residual {listed(both)}." if both else ""
+    return (
+        f"On {flights(len({row.flight for row in rows}))} the residual {listed(both)}."
+        if both
+        else ""
+    )
 
 
 OBSERVABLE = PALETTE[0]

@@ -201,8 +201,18 @@ def calibration_figure(series: Mapping[str, Sequence[Mapping[str, Any]]]) -> Fig
         x, y = ([row[key] for row in rows] for key in ("mean", "rate"))
         bounds = np.abs(np.array([row["ci95"] for row in rows]).T - y)
         label = f"{name} (n = {sum(row['n'] for row in rows)})"
-        style = {"color": PALETTE[i], "marker": MARKERS[i], "linestyle": DASHES[i]}
-        ax.errorbar(x, y, bounds, markersize=5, capsize=3, linewidth=1, label=label, **style)
+        ax.errorbar(
+            x,
+            y,
+            bounds,
+            label=label,
+            color=PALETTE[i],
+            marker=MARKERS[i],
+            linestyle=DASHES[i],
+            markersize=5,
+            capsize=3,
+            linewidth=1,
+        )
     ax.set(xlim=(-0.02, 1.03), ylim=(-0.04, 1.04), ylabel="share that is true, 95 % interval [1]")
     ax.set(xlabel="reported probability of a name [1]")
     figure.legend(loc="outside lower center", ncols=2)

@@ -161,8 +161,11 @@ def numbered_blocks(paths: Iterable[Path]) -> list[list[Path]]:
     A block is one manoeuvre: the campaign was flown block by block, and spoilt flights were left
     out.
     """
-    matches = [(NUMBERED.fullmatch(path.name), path) for path in paths]
-    numbered = sorted((m["stem"], int(m["number"]), path) for m, path in matches if m)
+    numbered = sorted(
+        (m["stem"], int(m["number"]), path)
+        for path in paths
+        if (m := NUMBERED.fullmatch(path.name))
+    )
     blocks: list[list[Path]] = []
     last = ("", -math.inf)
     for stem, number, path in numbered:
@@ -210,12 +213,11 @@ def by_controller(
 
     windy: the held-out flight is in wind; else in still air.
     """
-    matches = [(IN_WIND.fullmatch(path.name), path) for path in files]
     # By track, speed of the fans [m/s] and setting, such as nowind, 35wind or 70p20sint: the flight
     # of every controller.
     flown: dict[tuple[str, float, str], dict[str, Path]] = {}
-    for m, path in matches:
-        if m:
+    for path in files:
+        if m := IN_WIND.fullmatch(path.name):
             setting = (m["track"], FULL_FANS * int(m["power"] or 0) / 100, m["wind"])
             flown.setdefault(setting, {})[m["who"]] = path
     for (track, speed, wind), flights in sorted(flown.items()):

@@ -253,11 +253,13 @@ def held_out_errors(
     of the row trained on the other manoeuvres.
     """
     held_out = case["manoeuvre"]
-    shown = flights[held_out]
     training = [flight for name in flights if name != held_out for flight in flights[name]]
     model = ROWS[case["row"]](training)
     return {
-        motion: {log.name: square_errors(model, (log, vehicle), motion) for log, vehicle in shown}
+        motion: {
+            log.name: square_errors(model, (log, vehicle), motion)
+            for log, vehicle in flights[held_out]
+        }
         for motion in MOTIONS
     }
 

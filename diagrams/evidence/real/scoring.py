@@ -62,8 +62,8 @@ def effects_of(answer: Mapping[str, Any], names: Iterable[str]) -> list[Effect]:
     for cause in answer["causes"]:
         kind = library_causes().get(cause["effect"]) if cause["effect"] in names else None
         if kind:
-            given = {name: of.get("value") for name, of in cause.get("parameters", {}).items()}
-            values = {p.name: given.get(p.name) for p in kind.parameters}
+            given = cause.get("parameters", {})
+            values = {p.name: given.get(p.name, {}).get("value") for p in kind.parameters}
             effects.append(kind(**{n: v for n, v in values.items() if v is not None}))
     return effects
 
@@ -147,12 +147,11 @@ def score_case(
         "methods": methods,
     }
     if answers is None:
-        replayed = DrakeReplay(vehicle) if replay else None
         diagnosis = diagnose(
             train,
             campaign.open_flights(case.held_out),
             vehicle,
-            replayed,
+            DrakeReplay(vehicle) if replay else None,
             adaptive_split=case.second,
             before=campaign.logs(case.before),
         )
@@ -163,13 +162,11 @@ def score_case(
     if answer is not None:
         methods[THIS] = scored(answer, campaign.truth, [log.name for log in train])
     if case.still:
-        calm = mean_force(campaign.logs(case.still), vehicle)
-        force = mean_force(train, vehicle) - calm
+        force = mean_force(train, vehicle) - mean_force(campaign.logs(case.still), vehicle)
         result["force"] = force
         if answer is not None:
             effects = effects_of(answer, methods[THIS]["causes"])
-            figures = wind_figures(effects, train, vehicle, force, case.speed)
-            methods[THIS]["wind"] = figures
+            methods[THIS]["wind"] = wind_figures(effects, train, vehicle, force, case.speed)
     flights = [make_flight_residuals(log, vehicle) for log in train]
     y = np.concatenate([e.y[:, :WRENCH] for e in flights])
     methods[BIC] = verdict(select_by_bic(y, library_columns(flights)), campaign.truth)
@@ -401,7 +398,8 @@ def outcome(record: Mapping[str, Any], by: str) -> dict[str, Any]:
     gained = method.get("fraction")
     judged = [(name, p, truth.holds(name, method["late"])) for name, p in causes.items()]
     return {
-        **{key: record[key] for key in ("group", "case")},
+        "group": record["group"],
+        "case": record["case"],
         "by": by,
         "healthy": truth.healthy,
         "since": bool(campaign.before),
@@ -572,9 +570,12 @@ def run(
         answers=answers and answers.resolve(),
         replay=replay,
     )
-    listed = [{"group": case.group, "name": case.name} for case in cases]
     finished = run.cases(
-        "diagnosing" if answers is None else "scoring", "cases", work, listed, config=config
+        "diagnosing" if answers is None else "scoring",
+        "cases",
+        work,
+        [{"group": case.group, "name": case.name} for case in cases],
+        config=config,
     )
     failed = failures(finished)
     scores = [(case, r["result"]) for case, r in zip(cases, finished, strict=True) if "result" in r]

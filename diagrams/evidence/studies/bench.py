@@ -164,7 +164,7 @@ def _times(seconds: np.ndarray) -> dict[str, float]:
 
 
 def suite(
-    flown: Mapping[str, Flown], *, progress: Callable[[int, int], None] = lambda done, total: None
+    flown: Mapping[str, Flown], *, progress: Callable[[int, int], None]
 ) -> tuple[dict[str, list[dict]], list[dict]]:
     """Run the whole benchmark on recorded flights, and return the reports of the solvers by the
     name of the problems, and of the predictions.

@@ -26,7 +26,7 @@ from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
 from np_drake.skill.skill import naive_predictions
 from np_drake.training_data.segments import Segment, WrenchSequence, of_wrenches
 
-CHANNELS = {  # of chi, in each column
+CHANNELS = {  # of chi, in each column, in the order of the table
     "F_x": [0],
     "F_y": [1],
     "F_z": [2],
@@ -38,8 +38,6 @@ CHANNELS = {  # of chi, in each column
     "F": [0, 1, 2],
     "tau": [3, 4, 5],
 }
-COLUMNS = tuple(CHANNELS)  # in the order of the table
-
 PUBLISHED = pd.read_csv(Path(__file__).with_suffix(".csv"), index_col=["flight", "method"])
 OURS = {PAPER: "np: paper", MODE_DICTIONARY: MODE_DICTIONARY}  # configuration: row
 NAIVE = ("persistence", "linear")  # rows without training
@@ -159,7 +157,7 @@ def run(run: Run, neurobem: Neurobem = None) -> Report:
     below = {row: (ratios(table, row) <= 1.0).sum() for row in UNPUBLISHED}
     shown: list[tuple] = []
     for flight in tests:
-        shown.append((flight, *[""] * len(COLUMNS)))
+        shown.append((flight, *[""] * len(CHANNELS)))
         for row, errors in table.loc[flight].dropna().iterrows():
             shown.append((row, *(f"{1e3 * error:.3g}" for error in errors)))
     title = (
@@ -170,11 +168,11 @@ def run(run: Run, neurobem: Neurobem = None) -> Report:
         {"row": flight, "column": column}
         | {key: table.at[(flight, row), column] for key, row in KEYS.items()}
         for flight in tests
-        for column in COLUMNS
+        for column in CHANNELS
     ]
     count = len(ratios(table, NAIVE[0]))
     return Report(
-        [(title, ["", *COLUMNS], shown)],
+        [(title, ["", *CHANNELS], shown)],
         config={"training": "training segment", **settings},
         metrics={"table": lines, "at_or_below_the_paper": below},
         lines=[

@@ -8,7 +8,7 @@ import pytest
 from diagrams.batch.run import Run
 from diagrams.cli.main import run
 from diagrams.evidence.studies import estimation as dut
-from diagrams.evidence.studies.estimation import COLUMNS, column_rmse
+from diagrams.evidence.studies.estimation import CHANNELS, column_rmse
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY as NP
 from np_drake.lifting.training.train import make_config, train
 from np_drake.logs.formats.neurobem import TESTS, TRAINING
@@ -33,7 +33,7 @@ def folder(tmp_path_factory, synthetic_flight):
 def test_lengths_are_of_the_error_vector_without_gaps():
     error = np.tile([3.0, -4.0, 12.0, 0.3, 0.4, -1.2], (7, 1))
     expected = [3.0, 4.0, 12.0, 0.3, 0.4, 1.2, 5.0, 0.5, 13.0, 1.3]
-    assert list(column_rmse(error)) == list(COLUMNS)
+    assert list(column_rmse(error)) == list(CHANNELS)
     np.testing.assert_allclose(list(column_rmse(error).values()), expected)
     error[2, 5], error[2, :5] = np.nan, 100.0
     assert column_rmse(error)["F_x"] == pytest.approx(3.0)
@@ -70,7 +70,7 @@ def test_every_cell_of_the_paper_stands_beside_ours(folder, tmp_path, capsys):
     assert len(cells) == len(content["table"]) == 30
     for flight in FLOWN:
         rows = PUBLISHED[flight]
-        for column in COLUMNS:
+        for column in CHANNELS:
             line = cells[flight, column]
             assert line["paper"] == (rows["NP"][column] if "NP" in rows else None)
             assert line["NeuroMHE"] == rows["NeuroMHE"][column]
