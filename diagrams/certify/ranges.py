@@ -74,7 +74,7 @@ class Range:
     def check(self) -> "Range":
         """Return self after checking the ends; ValueError where they are no range."""
         require(
-            math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high,
+            -math.inf < self.low < self.high < math.inf,
             f"--over {self.name}: must go from a finite number to a larger one; got {self.low:g} "
             f"to {self.high:g}.",
         )
@@ -184,7 +184,6 @@ def drawn_flight(
     """
     rng = np.random.default_rng(seed)
     reality = config.reality
-    assumed = config.controller.vehicle or config.vehicle
     spread = spread_of(config.vehicle)
     lag = published_priors().time_constant
     vehicle, drawn = drawn_vehicle(config.vehicle, spread, rng)
@@ -214,7 +213,9 @@ def drawn_flight(
         config,
         vehicle=vehicle,
         reality=reality,
-        controller=dc.replace(config.controller, vehicle=assumed),
+        controller=dc.replace(
+            config.controller, vehicle=config.controller.vehicle or config.vehicle
+        ),
     )
     side = 2 * math.pi * rng.random()
     for one, share in zip(over, shares, strict=True):

@@ -32,7 +32,7 @@ def share(outcomes: Iterable[Any]) -> dict[str, Any]:
 
     ci95: the exact binomial interval of Clopper and Pearson.
     """
-    values = pd.Series(list(outcomes), dtype=object).explode().dropna().astype(bool)
+    values = pd.Series(outcomes, dtype=object).explode().dropna().astype(bool)
     n = len(values)
     if not n:
         return {"count": 0, "n": 0, "rate": None, "ci95": [0.0, 1.0]}
@@ -43,7 +43,7 @@ def share(outcomes: Iterable[Any]) -> dict[str, Any]:
 
 def summary(values: Iterable[float | None]) -> dict[str, Any]:
     """Return {"n", "mean", "median"} of the finite values; None where there are none."""
-    series = pd.Series(list(values), dtype=float)
+    series = pd.Series(values, dtype=float)
     finite = series[np.isfinite(series)]
     figures = finite.agg(["mean", "median"]).to_dict() if len(finite) else {}
     return {"n": len(finite), "mean": None, "median": None, **figures}

@@ -110,9 +110,10 @@ def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> N
     Python writes them, so that reading gives the same ones.
     Raises: OSError: if the file cannot be written.
     """
-    answer = f"{headline(diagnosis)}."
     comments = [
-        *textwrap.wrap(answer, 110, break_long_words=False, break_on_hyphens=False),
+        *textwrap.wrap(
+            f"{headline(diagnosis)}.", 110, break_long_words=False, break_on_hyphens=False
+        ),
         *(
             f"{cause.identifier} keeps its first mass here; its changes are in diagnosis.json."
             for cause in diagnosis.causes

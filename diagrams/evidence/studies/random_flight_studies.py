@@ -157,11 +157,10 @@ def compared(flights: pd.DataFrame) -> list[dict[str, Any]]:
     return lines
 
 
+COUNTS: tuple[Column, ...] = (("controller", "row"), ("n", "flights"), ("lost", "lost"))
 COLUMNS: tuple[Column, ...] = (
     ("kind", "kind"),
-    ("controller", "row"),
-    ("n", "flights"),
-    ("lost", "lost"),
+    *COUNTS,
     ("xy [cm]", fixed("E_xy", 2, factor=100)),
     ("z [cm]", fixed("E_z", 2, factor=100)),
     ("to filter", fixed(f"{PEER}_ratio", 2)),
@@ -209,9 +208,7 @@ def responses(flights: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 RESPONSE_COLUMNS: tuple[Column, ...] = (
-    ("controller", "row"),
-    ("n", "flights"),
-    ("lost", "lost"),
+    *COUNTS,
     ("90 % known [s]", fixed("known", 2)),
     ("95 % of flights", fixed("known_95", 2)),
     ("last", fixed("known_most", 2)),

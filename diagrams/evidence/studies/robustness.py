@@ -360,8 +360,8 @@ def errors_printed(lines: list[dict], key: str, title: str) -> Table:
     rows: list[tuple] = []
     for axis in axes:
         blank = [""] * (width - len(axis.values))
-        values = (f"{value:g}" for value in axis.values)
-        rows.append((f"{axis.title} [{axis.unit}]", *values, *blank))
+        head = f"{axis.title} [{axis.unit}]"
+        rows.append((head, *map("{:g}".format, axis.values), *blank))
         for line in (line for line in lines if line["axis"] == axis.name):
             cells = (
                 f"lost {p['lost']} of {p['flights']}" if p["lost"] else value(p)

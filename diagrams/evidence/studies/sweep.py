@@ -179,9 +179,10 @@ def _trained(case: Case, **how) -> dict:
         return {"file": base64.b64encode(path.read_bytes()).decode()}
 
 
-def _with_model(
-    case: Case, flight: Callable[[Case, Row, str], dict], rows: Sequence[Row], models: Models
-) -> dict:
+RowWork = Callable[[Case, Row, str], dict]  # of a case, its row and the path of its model
+
+
+def _with_model(case: Case, flight: RowWork, rows: Sequence[Row], models: Models) -> dict:
     """Return what `flight(case, row, path of its model)` returns; the path is empty without one."""
     row = named(rows, case["row"])
     if row.key not in models:
@@ -197,7 +198,7 @@ def fly_rows(
     title: str,
     rows: Sequence[Row],
     scenarios: Sequence[dict],
-    flight: Callable[[Case, Row, str], dict],
+    flight: RowWork,
     *,
     config: dict,
 ) -> tuple[list[Record], list[Record]]:
