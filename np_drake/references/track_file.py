@@ -14,7 +14,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.text_table import read_csv, write_csv
 from np_drake.references.base import Reference
 from np_drake.references.ramp import compose, ramped_phase
-from np_drake.references.waypoints import PointToPoint, Waypoints
+from np_drake.references.waypoints import PointToPoint, Waypoints, gaps_between
 
 DEGREE = 7  # six continuous derivatives
 LEAST_ROWS = DEGREE + 1
@@ -76,7 +76,7 @@ class Trajectory:
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
-        phase = ramped_phase(np.asarray(t, float), 1.0, self.lead)
+        phase = ramped_phase(t, 1.0, self.lead)
         return compose(self.at(phase[0]), phase)
 
     def at(self, time: np.ndarray) -> np.ndarray:
@@ -294,7 +294,7 @@ def _waypoints(table: Table) -> np.ndarray:
     p = table.array(POSITION)
     if len(p) < 2:
         raise table.error(f"must hold at least 2 waypoints; got {len(p)}.")
-    near = np.concatenate([[False], np.linalg.norm(np.diff(p, axis=0), axis=1) < NEAREST])
+    near = np.concatenate([[False], gaps_between(p) < NEAREST])
     _require(table, "x", near, "must be another waypoint than that before. Leave the row out")
     if len(p) == 3 and np.linalg.norm(p[0] - p[-1]) < NEAREST:
         raise table.error(

@@ -61,9 +61,7 @@ class Stops:
         for (a, b), start, duration in zip(
             pairwise(self.points), self.starts, self.durations, strict=True
         ):
-            flat += rest_to_rest((np.asarray(t, float) - start) / duration, duration)[
-                :, :, None
-            ] * (b - a)
+            flat += rest_to_rest((t - start) / duration, duration)[:, :, None] * (b - a)
         return flat
 
 
@@ -99,7 +97,7 @@ class Steps:
         self._way = ends - self.corners[: len(ends)]
         lengths = np.linalg.norm(self._way, axis=1)
         self.durations = np.maximum(lengths / speed, np.sqrt(PEAK * lengths / most))
-        self._begin = np.concatenate([[0.0], np.cumsum(self.durations + rest)])
+        self._begin = _times(self.durations + rest)
         self.start = start
         self.closed = closed
         self.lead = start
@@ -109,7 +107,7 @@ class Steps:
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
-        elapsed = np.maximum(np.asarray(t, float) - self.start, 0.0)
+        elapsed = np.maximum(t - self.start, 0.0)
         elapsed = elapsed % self._begin[-1] if self.closed else np.minimum(elapsed, self._begin[-1])
         at = np.minimum(np.searchsorted(self._begin, elapsed, side="right") - 1, len(self._way) - 1)
         duration = self.durations[at]
@@ -165,7 +163,7 @@ class Waypoints:
         self.points = np.array(points, float)
         self.closed = is_closed(self.points)
         through = _graded(self.points, self.closed)
-        gaps = np.linalg.norm(np.diff(through, axis=0), axis=1)
+        gaps = gaps_between(through)
         self._length = float(np.sum(gaps))
         if self.closed:
             self._spline = _periodic(through, gaps)
@@ -175,7 +173,7 @@ class Waypoints:
                 _times(gaps), through, k=DEGREE, bc_type=(free, free)
             )
         at = np.linspace(0.0, self._length, SAMPLES * len(self._spline.t))
-        way = np.linalg.norm(np.diff(self._spline(at), axis=0), axis=1).sum()
+        way = gaps_between(self._spline(at)).sum()
         self._speed = speed / float(way / self._length)  # of the parameter
         self.lap = self._length / self._speed
         self.lead = min(ramp, self.lap)
@@ -195,6 +193,11 @@ class Waypoints:
         return compose(np.stack([self._spline(at, k) for k in range(5)]), phase)
 
 
+def gaps_between(points: np.ndarray) -> np.ndarray:
+    """Return the distances (k - 1,) from each of points (k, 3) to the next [m]."""
+    return np.linalg.norm(np.diff(points, axis=0), axis=1)
+
+
 def is_closed(points: np.ndarray) -> bool:
     """Return whether the last of points (k, 3) [m] is the first."""
     return bool(np.allclose(points[0], points[-1], rtol=0.0, atol=1e-9))
@@ -209,7 +212,7 @@ def _graded(points: np.ndarray, closed: bool) -> np.ndarray:
     if len(points) == 2:  # a straight line, which two points alone do not make of a spline
         points = np.stack([points[0], points.mean(axis=0), points[1]])
     while True:
-        gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        gaps = gaps_between(points)
         before = np.roll(gaps, 1)
         after = np.roll(gaps, -1)
         if not closed:

@@ -15,6 +15,7 @@ from np_drake.checks import require
 from np_drake.flight_log import FlightLog
 from np_drake.labels import RAW, LabelConfig, default_labels
 from np_drake.lifting.model.lpv_model import NEURAL_LPV, LpvModel, units_of
+from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import excitation
 from np_drake.lifting.training.neural_lpv import NeuralLpvConfig, fine_tuned
 from np_drake.lifting.training.paper_training import descend
@@ -43,7 +44,7 @@ def train_on_flights(
     *,
     step: float,
     label: LabelConfig | None = None,
-    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
+    on_epoch: OnEpoch = lambda *_: None,
 ) -> TrainingResult:
     """Return the lifted linear system trained on `flights`, and its loss.
 
@@ -93,13 +94,26 @@ def _timing(flights: Sequence[Flight], delays: Sequence[float]) -> dict[str, flo
     return {"rotor_lag": lag} | ({"command_delay": delay} if len(delays) > 1 else {})
 
 
+def _one_vehicle(name: str, flights: Sequence[Flight]) -> Vehicle:
+    """Return the vehicle of the flights that the predictor `name` is trained on.
+
+    Raises: ValueError: if they are of several.
+    """
+    vehicle = flights[0].vehicle
+    require(
+        all(flight.vehicle == vehicle for flight in flights),
+        f"{name}: all flights must be of one vehicle; give them one --vehicle FILE.",
+    )
+    return vehicle
+
+
 def fitted_lpv(
     prior: Any,
     flights: Sequence[Flight],
     step: float,
     *,
     epochs: int = 0,
-    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
+    on_epoch: OnEpoch = lambda *_: None,
 ) -> LpvModel:
     """Return the network for the vehicle of `flights`, with its units and the timing of its
     commands; what a payload does it has learnt from others, and from these in `epochs` more steps.
@@ -110,11 +124,7 @@ def fitted_lpv(
         epochs: gradient steps on the flights, see `fine_tuned`.
         on_epoch: as of `train`.
     """
-    vehicle = flights[0].vehicle
-    require(
-        all(flight.vehicle == vehicle for flight in flights),
-        f"{NEURAL_LPV}: all flights must be of one vehicle; give them one --vehicle FILE.",
-    )
+    vehicle = _one_vehicle(NEURAL_LPV, flights)
     summary = {"samples": sum(len(flight.data) for flight in flights), "prior": prior.summary}
     unit = np.repeat(units_of(vehicle, step), 3)
     model = dc.replace(prior, scale=unit, step=step, summary=summary)
@@ -148,7 +158,7 @@ def fit_knode(
     vehicle: Vehicle,
     config: KnodeConfig = KnodeConfig(),
     *,
-    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
+    on_epoch: OnEpoch = lambda *_: None,
 ) -> tuple[WrenchNetwork, list[float]]:
     """Return the trained network and the loss after each epoch; deterministic by `config.seed`.
 
@@ -282,7 +292,7 @@ def train_motion_model(
     *,
     step: float,
     label: LabelConfig | None = None,
-    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
+    on_epoch: OnEpoch = lambda *_: None,
     **settings,
 ) -> tuple[MotionModel, list[float]]:
     """Return the model called `name` (gp or knode) and its loss after each epoch (none in closed
@@ -296,11 +306,7 @@ def train_motion_model(
     Raises: ValueError: on an unknown name or setting, or flights that the model cannot learn from.
     """
     config = configured(CONFIGURATIONS, name, settings)
-    vehicle = flights[0].vehicle
-    require(
-        all(flight.vehicle == vehicle for flight in flights),
-        f"{name}: all flights must be of one vehicle; give them one --vehicle FILE.",
-    )
+    vehicle = _one_vehicle(name, flights)
     segments = [piece for flight in flights for piece in flight.segments(step, label)]
     loss: list[float] = []
     if isinstance(config, GaussianProcessConfig):
