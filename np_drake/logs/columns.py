@@ -3,7 +3,7 @@
 import dataclasses as dc
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -291,6 +291,23 @@ def split_at_gaps(table: Table) -> tuple[list[Table], list[Finding]]:
     if short:
         text += f", {short} with fewer than {LEAST_ROWS} rows left out"
     return [table.rows(rows) for rows in kept], [Finding(Kind.BREAK, where, text)]
+
+
+def flights_between_gaps(
+    table: Table, fields: list[str], name: str, stated: Sequence[Finding] = ()
+) -> Iterator[FlightLog]:
+    """Yield the parts of a table between long gaps as flights, whose short gaps are bridged.
+
+    Args:
+        stated: findings of all parts, behind that on the gaps.
+    """
+    parts, split = split_at_gaps(table)
+    for number, part in enumerate(parts, start=1):
+        filled, bridged = bridge_gaps(part, fields)
+        log = assemble(filled, fields, name if len(parts) == 1 else f"{name} part {number}")
+        log.findings[:0] = [*split, *stated]
+        log.bridged = bridged if bridged.any() else None
+        yield log
 
 
 def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:

@@ -17,6 +17,8 @@ from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight, sm
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import VOLTAGE, PowerMap, ThrottleMap
 
+Flights = Sequence[FlightLog]
+
 EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]
 # Prior of the exponent, mean and deviation [1]. Source: a linearised motor has 1; a propeller's
 # thrust goes with the square of its speed, and speed with voltage.
@@ -38,11 +40,7 @@ def with_throttle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
 
 
 def with_throttle_map(
-    vehicle: Vehicle,
-    train: Sequence[FlightLog],
-    held_out: Sequence[FlightLog],
-    *,
-    before: bool = False,
+    vehicle: Vehicle, train: Flights, held_out: Flights, *, before: bool = False
 ) -> tuple[list[FlightLog], list[FlightLog]]:
     """Return the flights with thrust from throttle by one map, a property of the vehicle.
 
@@ -86,11 +84,7 @@ def _has_throttle(log: FlightLog) -> bool:
 
 
 def _map_of(
-    vehicle: Vehicle,
-    flights: Sequence[FlightLog],
-    others: Sequence[FlightLog] = (),
-    *,
-    exponent: float | None = None,
+    vehicle: Vehicle, flights: Flights, others: Flights = (), *, exponent: float | None = None
 ) -> ThrottleMap | PowerMap:
     """Return the vehicle file's map, else that with which the flights carry its weight.
 
@@ -106,9 +100,7 @@ def _map_of(
     return PowerMap(0.25 * vehicle.mass * vehicle.gravity, hover, exponent, volts)
 
 
-def _with_scatter(
-    known: PowerMap, groups: Sequence[Sequence[FlightLog]], gravity: float
-) -> PowerMap:
+def _with_scatter(known: PowerMap, groups: Sequence[Flights], gravity: float) -> PowerMap:
     """Return the map with the scatter of thrust between the flights of each group."""
     squares = 0.0
     freedom = 0
@@ -157,13 +149,13 @@ def voltage_of(log: FlightLog) -> np.ndarray | None:
     )
 
 
-def usual_voltage(flights: Sequence[FlightLog]) -> float | None:
+def usual_voltage(flights: Flights) -> float | None:
     """Return the median voltage of the battery in flights [V]; None where one does not know it."""
     known = [volts for volts in map(voltage_of, flights) if volts is not None]
     return float(np.median(np.concatenate(known))) if len(known) == len(flights) > 0 else None
 
 
-def lift_fit(flights: Sequence[FlightLog]) -> tuple[float, float, float]:
+def lift_fit(flights: Flights) -> tuple[float, float, float]:
     """Return the likeliest power of their throttle with which the lift of flights goes, the lift
     over weight at full throttle [1], and the loss [nat].
 
@@ -251,7 +243,7 @@ MOST_DEVIATIONS = 3.0
 
 
 def with_hover_thrust(
-    vehicle: Vehicle, train: Sequence[FlightLog], held_out: Sequence[FlightLog] = ()
+    vehicle: Vehicle, train: Flights, held_out: Flights = ()
 ) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
     """Return vehicle and flights with the thrust coefficient with which rotor speed carries the
     training flights.
@@ -306,7 +298,7 @@ def _of_coefficient(vehicle: Vehicle, coefficient: float) -> Finding:
     return Finding(Kind.COEFFICIENT, "", text)
 
 
-def _speed_and_lift(logs: Sequence[FlightLog], vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+def _speed_and_lift(logs: Flights, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     """Return the sum of squared rotor speeds (n,) and the lift (n,) [N] in the rows in which rotors
     turn.
     """

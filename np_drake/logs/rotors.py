@@ -38,6 +38,7 @@ ABOUT = 1.5  # time about a spin without control [s]; source: a period of the lo
 
 EACH = ("rotor", "throttle", "balance")  # fields of a log with a column for each rotor
 
+Flights = Sequence[FlightLog]
 Assignment = tuple[tuple[int, ...], tuple[float, ...]]  # rotor of the file, direction; by column
 # Of one flight, of its m possible assignments, for d delays of thrust behind a throttle:
 # correlations (d, m, 3) with the torque that turned the vehicle [1], and scores (d, m), log
@@ -47,7 +48,7 @@ Evidence = tuple[np.ndarray, np.ndarray]
 
 def given(vehicle: Vehicle) -> Assignment:
     """Return the assignment of columns that are in the order of the vehicle file."""
-    return (0, 1, 2, 3), tuple(float(d) for d in vehicle.rotor_directions)
+    return (0, 1, 2, 3), tuple(vehicle.rotor_directions)
 
 
 def assignments(vehicle: Vehicle) -> list[Assignment]:
@@ -81,7 +82,7 @@ def evidence(log: FlightLog, vehicle: Vehicle) -> Evidence | None:
     )
     if columns is None or not _long_and_fast(log):
         return None
-    turn, _, moved = _in_band(log, vehicle, columns, (0.0,) if log.rotor is not None else DELAYS)
+    turn, _, *moved = _in_band(log, vehicle, columns, (0.0,) if log.rotor is not None else DELAYS)
     positions = np.array(vehicle.rotor_positions, float)
     rotors, d = (np.array(values) for values in zip(*assignments(vehicle), strict=True))
     arms = np.stack([positions[rotors, 1], -positions[rotors, 0], d], axis=1)  # (m, 3, 4)
@@ -107,7 +108,7 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
     """
     if not np.isfinite(log.u).all() or not _long_and_fast(log):
         return None
-    turn, _, moved = _in_band(
+    turn, _, *moved = _in_band(
         log, vehicle, log.u[:, 1:], (0.0,) if log.input == "rotor_speed" else DELAYS
     )
     size = np.linalg.norm(turn, axis=0)
@@ -119,12 +120,12 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
             best = correlation, size / norm
     # White noise has in the band the power that an impulse of its size has.
     impulse = np.outer(scipy.signal.unit_impulse(len(log), "mid"), white_noise([log.w]))
-    noise, *_ = _in_band(dc.replace(log, w=impulse), vehicle, log.u[:, 1:], ())
+    noise, _ = _in_band(dc.replace(log, w=impulse), vehicle, log.u[:, 1:], ())
     excited = np.mean(turn**2, axis=0) > 2 * np.sum(noise**2, axis=0)
     return np.where(excited, best[0], np.nan), best[1]
 
 
-def named_rotors(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[RotorName]:
+def named_rotors(logs: Flights, vehicle: Vehicle) -> list[RotorName]:
     """Return what the rotors of a vehicle are called, also in logs that are in its order."""
     return rotor_names(vehicle.rotor_positions, [log.motors for log in logs if not log.layout])
 
@@ -147,7 +148,7 @@ def _without_spins(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     """
     if not _long_and_fast(log):
         return log
-    turn, twist, _ = _in_band(log, vehicle, log.w, ())
+    turn, twist = _in_band(log, vehicle, log.w, ())
     rows = round(ABOUT / log.step)
     sizes = [scipy.ndimage.uniform_filter1d(np.sum(x**2, axis=1), rows) for x in (twist, turn)]
     spins = scipy.ndimage.maximum_filter1d(sizes[0] > SPINS**2 * sizes[1], 2 * rows + 1)
@@ -166,7 +167,7 @@ def _upper(log: FlightLog) -> float:
 
 def _in_band(
     log: FlightLog, vehicle: Vehicle, columns: np.ndarray, delays: tuple[float, ...]
-) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+) -> list[np.ndarray]:
     """Return in the band the torque (m, 3) that turned the vehicle, w x J w of it, and the columns
     (m, k), by delay.
     """
@@ -178,11 +179,10 @@ def _in_band(
     turn = np.gradient(w, step, axis=0) @ vehicle.J.T + twist
     sos = scipy.signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
     inside = slice(round(OFF_ENDS / step), -round(OFF_ENDS / step))
-    filtered = [
+    return [
         scipy.signal.sosfiltfilt(sos, x, axis=0)[inside]
         for x in (turn, twist, *(even.linear(t - d) for d in delays))
     ]
-    return filtered[0], filtered[1], filtered[2:]
 
 
 # Correlation about roll and pitch from which an order is found [1]; own choice: flights with the
@@ -208,7 +208,7 @@ class RotorOrder:
 
     rotors: tuple[int, ...]
     directions: tuple[float, ...]
-    correlations: tuple[float, float, float]
+    correlations: tuple[float, ...]
     score: float
 
 
@@ -233,13 +233,13 @@ def rotor_orders(
     correlations = np.average([row(of_flight) for of_flight, _ in seen], axis=0, weights=weights)
     known = assignments(vehicle)
     orders = [
-        RotorOrder(*each, (float(r[0]), float(r[1]), float(r[2])), float(score))
+        RotorOrder(*each, tuple(r.tolist()), float(score))
         for each, r, score in zip(known, correlations, total[delay], strict=True)
     ]
     return orders[known.index(given(vehicle))], sorted(orders, key=lambda order: -order.score)
 
 
-def tell_directions(logs: Sequence[FlightLog], vehicle: Vehicle) -> bool:
+def tell_directions(logs: Flights, vehicle: Vehicle) -> bool:
     """Return whether flights tell which way the propellers turn, or have no columns of rotors."""
     by_layout = (rotor_orders(stated, vehicle) for stated in torques_seen(logs, vehicle).values())
     return all(
@@ -251,7 +251,7 @@ def tell_directions(logs: Sequence[FlightLog], vehicle: Vehicle) -> bool:
     )
 
 
-def torques_seen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Seen:
+def torques_seen(logs: Flights, vehicle: Vehicle) -> Seen:
     """Return what flights tell of the order of their columns, by the layout that they state."""
     by_layout: dict[RotorLayout | None, list[Evidence]] = {}
     for log in logs:
@@ -265,7 +265,7 @@ def torques_seen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Seen:
 
 
 def in_vehicle_order(
-    flights: Sequence[FlightLog], vehicle: Vehicle, seen: Seen | None = None
+    flights: Flights, vehicle: Vehicle, seen: Seen | None = None
 ) -> list[FlightLog]:
     """Return the flights of a log with their rotor columns in the order of the vehicle file, and a
     note where not so.
@@ -366,7 +366,7 @@ def _with_finding(log: FlightLog, finding: Finding) -> FlightLog:
 
 def _directions(order: RotorOrder, vehicle: Vehicle) -> tuple[float, ...]:
     """Return the directions that the vehicle file has of an order's rotors."""
-    return tuple(float(vehicle.rotor_directions[i]) for i in order.rotors)
+    return tuple(vehicle.rotor_directions[i] for i in order.rotors)
 
 
 def board_turn(order: RotorOrder, vehicle: Vehicle) -> int:

@@ -16,6 +16,7 @@ its gyro against its attitude, the torque of its rotors against its gyro, on twe
 """
 
 import dataclasses as dc
+import itertools
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -396,9 +397,7 @@ def _sessions(path: Path, content: bytes) -> tuple[list[_Session], list[str]]:
     )
     sessions = []
     bad = []
-    for number, (start, stop) in enumerate(
-        zip(starts, [*starts[1:], len(content)], strict=True), start=1
-    ):
+    for number, (start, stop) in enumerate(itertools.pairwise([*starts, len(content)]), start=1):
         place = f"header of log {number}" if len(starts) > 1 else "header"
         try:
             settings, first = _settings(content, start, stop)

@@ -252,11 +252,8 @@ def _add_predictions(frames, kind, memory, skipped):
     fields = memory[FIELDS]
     before = memory[BEFORE]
     earlier = memory[EARLIER]
-    predictors = frames.tables[PREDICTOR, kind]
-    constants = frames.tables[CONSTANT, kind]
-    signed = frames.tables[SIGNED, kind]
     for i in range(frames.counts[kind]):
-        predictor = predictors[i]
+        predictor = frames.tables[PREDICTOR, kind, i]
         if predictor == PREVIOUS:
             fields[i] += before[i]
         elif predictor == STRAIGHT_LINE:
@@ -268,9 +265,9 @@ def _add_predictions(frames, kind, memory, skipped):
         elif predictor == INCREMENT:
             fields[i] = before[i] + 1 + skipped
         else:
-            fields[i] += constants[i]
+            fields[i] += frames.tables[CONSTANT, kind, i]
         fields[i] &= 0xFFFFFFFF
-        if signed[i]:
+        if frames.tables[SIGNED, kind, i]:
             fields[i] = _extended(fields[i], 32)
 
 

@@ -243,7 +243,7 @@ def _different(names: Sequence[str]) -> list[str]:
 
 def _read_blocks(path: Path, content: bytes, wanted: Wanted) -> Recording:
     variables, at = _variables(path, content)
-    record = np.dtype([(name, kind) for name, kind in variables])
+    record = np.dtype(variables)
     pieces: list[bytes] = []
     findings = list[Finding]()
     while at < len(content):
@@ -329,18 +329,22 @@ def default_map(contents: Contents) -> LogMap | None:
         left.
     """
 
-    def source(pattern: str, **how: Any) -> Source:
-        return first_source(contents, *(f"{stream}/{pattern}" for stream in contents), **how)
+    def source(*patterns: str, **how: Any) -> Source:
+        places = (f"{stream}/{pattern}" for pattern in patterns for stream in contents)
+        return first_source(contents, *places, **how)
 
-    turn = {"order": "xyzw", "direction": "body_to_world"}
     log_map = LogMap(
         format="crazyflie",
         position=source("stateEstimate.{x,y,z}", unit="m")
         or source("stateEstimateZ.{x,y,z}", unit="mm"),
         velocity=source("stateEstimate.{vx,vy,vz}", unit="m/s", axes="world")
         or source("stateEstimateZ.{vx,vy,vz}", unit="mm/s", axes="world"),
-        attitude=source("stateEstimate.{qx,qy,qz,qw}", **turn)
-        or source("stateEstimateZ.{qx,qy,qz,qw}", **turn)
+        attitude=source(
+            "stateEstimate.{qx,qy,qz,qw}",
+            "stateEstimateZ.{qx,qy,qz,qw}",
+            order="xyzw",
+            direction="body_to_world",
+        )
         or source("stateEstimate.{roll,pitch,yaw}", unit="deg", signs=[1.0, -1.0, 1.0])
         or source("ctrlLee.{rpyx,rpyy,rpyz}"),
         rates=source("gyro.{x,y,z}", unit="deg/s", axes="body")
@@ -348,15 +352,12 @@ def default_map(contents: Contents) -> LogMap | None:
         or source("stateEstimateZ.rate{Roll,Pitch,Yaw}", unit="mrad/s", axes="body"),
         acceleration=source("acc.{x,y,z}", unit="g", axes="body", kind="specific_force")
         or source("stateEstimateZ.{ax,ay,az}", unit="mm/s2", axes="world", kind="specific_force"),
-        throttle=source("pwm.m{1,2,3,4}_pwm", unit="pwm16")
-        or source("motor.m{1,2,3,4}", unit="pwm16"),
+        throttle=source("pwm.m{1,2,3,4}_pwm", "motor.m{1,2,3,4}", unit="pwm16"),
         rotor_speed=source("rpm.m{1,2,3,4}", unit="rpm"),
         voltage=source("pm.vbatMV", unit="mV") or source("pm.vbat", unit="V"),
     )
     if not log_map.rotor_speed:
-        log_map.thrust = source("ctrlLee.thrustSi", unit="N") or source(
-            "ctrlLee.thrustSI", unit="N"
-        )
+        log_map.thrust = source("ctrlLee.thrustSi", "ctrlLee.thrustSI", unit="N")
         if log_map.thrust:
             log_map.torque = source("ctrlLee.torque{x,y,z}", unit="N.m")
     return log_map if log_map.tells_motion else None

@@ -8,7 +8,7 @@ from np_drake.checks import require
 from np_drake.finding import Finding, Kind
 from np_drake.flight_log import FlightLog
 from np_drake.logs import columns
-from np_drake.logs.columns import bridge_gaps, check_table, split_at_gaps
+from np_drake.logs.columns import check_table, flights_between_gaps
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import parquet_file
 from np_drake.logs.formats.text_table import read_csv, read_layout, write_csv
@@ -60,22 +60,16 @@ def read(path: str | Path) -> list[FlightLog]:
     file = Path(path).name.removesuffix(kind)
     fields = columns.present_fields(table)
     check_table(table, fields)
-    parts, split = split_at_gaps(table)
     sheet = read_sheet(path)
     logs = []
-    for number, part in enumerate(parts, start=1):
-        part, bridged = bridge_gaps(part, fields)
-        name = file if len(parts) == 1 else f"{file} part {number}"
-        log = columns.assemble(part, fields, name)
+    for log in flights_between_gaps(table, fields, file, sheet.findings):
         if log.rotor is not None and "u" not in fields:
             log.rotor, *missing = without_zeros(Signal(log.t, log.rotor))
             gone = np.any(missing, axis=(0, 2))
-            bridged = bridged | gone
             if gone.any():
+                log.bridged = log.in_gap | gone
                 text = f"{gone.sum()} rows filled in"
                 log.findings.append(Finding(Kind.BRIDGED, DROPOUTS, text))
-        log.bridged = bridged if bridged.any() else None
-        log.findings[:0] = [*split, *sheet.findings]
         log.timing = sheet.timing
         log.layout = sheet.rotors
         log.start = sheet.start

@@ -16,7 +16,7 @@ from np_drake import attitude
 from np_drake.checks import require
 from np_drake.files.file_access import note_input
 from np_drake.flight_log import FlightLog
-from np_drake.logs.columns import COLUMNS, Table, assemble, bridge_gaps, check_table, split_at_gaps
+from np_drake.logs.columns import COLUMNS, Table, check_table, flights_between_gaps
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import expanded, first_bytes
 from np_drake.logs.formats.text_table import first_lines, read_csv
@@ -79,17 +79,12 @@ def read(path: str | Path) -> list[FlightLog]:
     fields = list(SOURCE_COLUMNS)
     check_table(table, fields)
     file = Path(path).name.removesuffix(".gz").removesuffix(".csv").removeprefix("merged_")
-    parts, split = split_at_gaps(table)
     logs = []
-    for number, part in enumerate(parts, start=1):
-        part, bridged = bridge_gaps(part, fields)
-        log = assemble(part, fields, file if len(parts) == 1 else f"{file} part {number}")
+    for log in flights_between_gaps(table, fields, file):
         assert log.a is not None  # in every such CSV
         log.v = attitude.rotate(log.q, log.v)
         log.a = attitude.rotate(log.q, log.a) - [0.0, 0.0, GRAVITY]
-        log.bridged = bridged if bridged.any() else None
         log.input = "rotor_speed"
-        log.findings = list(split)
         check_units(log, path)
         logs.append(log)
     return logs

@@ -369,6 +369,10 @@ def _getter(path: str) -> Callable[[Any], float]:
     return get
 
 
+# times of receipt (n,), stamps (n,) [ns] and numbers (n, k)
+OrderedRows = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
 @dc.dataclass
 class _Rows:
     """What is read of a topic: time of receipt and stamp [ns], and numbers, row by row."""
@@ -393,7 +397,7 @@ class _Rows:
         self.times.extend(times)
         self.numbers.extend(numbers)
 
-    def in_order(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def in_order(self) -> OrderedRows:
         """Return times of receipt (n,), stamps (n,) [ns] and numbers (n, k) in the order of
         receipt; messages of one time keep theirs.
         """
@@ -440,9 +444,7 @@ def _read(path: Path, wanted: Wanted, progress: Progress) -> Recording:
     return Recording(str(path), streams, facts, tuple(dict.fromkeys(bag.findings)))
 
 
-def _times(
-    clocks: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]],
-) -> tuple[Arrays, list[str]]:
+def _times(clocks: Mapping[str, OrderedRows]) -> tuple[Arrays, list[str]]:
     """Return the times of all topics on one clock [s], and a note on every topic's clock.
 
     Args:

@@ -271,7 +271,7 @@ def check_header(path: str | Path, names: Sequence[str]) -> None:
         LogError,
     )
     require(
-        not all(is_number(name) for name in names),
+        not all(map(is_number, names)),
         f"{path}: must start with a header line of column names; line 1 holds numbers.",
         LogError,
     )
@@ -620,7 +620,7 @@ def is_units_row(cells: Sequence[str], following: Sequence[str]) -> bool:
         words.total() > 1
         and all(len(word.strip()) <= LONGEST_UNIT for word in words)
         and all(cell.strip() == "1" for cell in cells if _is_figure(cell))
-        and any(as_unit(word) for word in words)
+        and any(map(as_unit, words))
         and sum(under) >= 0.5 * words.total()
     )
 

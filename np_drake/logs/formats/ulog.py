@@ -580,7 +580,7 @@ def _shaken(log: Any) -> Shaking:
     findings = list[Finding]()
     for data in log.data_list:
         values = data.data
-        seconds = float(np.ptp(data.data["timestamp"])) / 1e6
+        seconds = float(np.ptp(values["timestamp"])) / 1e6
         counts = np.zeros(3)
         most = COUNTED * seconds
         if FLAGS in values:
@@ -682,7 +682,7 @@ def _facts(log: Any) -> dict[str, str]:
     with contextlib.suppress(TypeError):  # damaged: no number
         release = log.get_version_info("ver_sw_release")
         if release is not None:
-            facts["software version"] = ".".join(str(part) for part in release[:3])
+            facts["software version"] = ".".join(map(str, release[:3]))
     return facts | {
         name: f"{value:.7g}" if isinstance(value, float) else str(value)
         for name, value in sorted(log.initial_parameters.items())
