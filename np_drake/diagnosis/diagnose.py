@@ -43,6 +43,7 @@ from np_drake.diagnosis.decision.unexplained import (
 )
 from np_drake.diagnosis.doctor.flight_facts import findings_on
 from np_drake.diagnosis.fitting import fit_of_subset
+from np_drake.diagnosis.forward_model import has_swing
 from np_drake.diagnosis.gap import (
     assess_identifiability,
     excitation,
@@ -118,12 +119,6 @@ class Logs(NamedTuple):
         voltage = voltage_change(self.before, [*self.train, *self.held_out])
         return (*bridged, *self.notes, *voltage)
 
-    @classmethod
-    def split(cls, logs: list[FlightLog], sizes: Sequence[int], notes: tuple[str, ...]) -> "Logs":
-        """Return all logs in a row as groups of these sizes."""
-        before, train, held_out = (logs[place] for place in places(sizes))
-        return cls(before, train, held_out, notes)
-
 
 @dc.dataclass(frozen=True)
 class Inference:
@@ -151,6 +146,10 @@ class Inference:
         return tuple(s.finding for s in (self.slow, *self.structures) if s.probability > 0.5)
 
 
+# Flights that are fitted, and those that judge.
+FittedAndJudging = tuple[list[FlightResiduals], list[FlightResiduals]]
+
+
 def conclude(searched: Ranking, judging: Sequence[FlightResiduals]) -> Inference:
     """Rank the models of a search, judge the best by held-out flights, and decide which of its
     effects are causes.
@@ -167,7 +166,7 @@ def conclude(searched: Ranking, judging: Sequence[FlightResiduals]) -> Inference
         unsplit = [flight for flight in held_out.flights if not flight.joined.any()]
         flights = [*ranking.problem.flights, *unsplit]
         residuals = residuals_of(ranking, held_out)
-        begins = dict.fromkeys([flight.name for flight in flights])
+        begins = dict.fromkeys(flight.name for flight in flights)
         p_value = position_p_value(flights, residuals, begins)
         if p_value < ranking.options.thresholds.position_p_value:
             slow = slow._replace(finding=PLACE)
@@ -312,11 +311,11 @@ def diagnose(
     Raises: ValueError: if the logs cannot be used, or both tolerance and options are given; one
         line with the remedy.
     """
-    if tolerance is not None and options is not None:
-        raise ValueError(
-            "diagnose: give either tolerance or options, which hold a tolerance; got both."
-        )
     if tolerance is not None:
+        if options is not None:
+            raise ValueError(
+                "diagnose: give either tolerance or options, which hold a tolerance; got both."
+            )
         options = Options.for_sensors(tolerance.real, tolerance)
     start = time.perf_counter()
     progress = on_progress or (lambda share, step: None)
@@ -372,9 +371,8 @@ def _usable_logs(
     alike = with_neighbours([*before, *alike], neighbours, vehicle.rotor_radius)
     sizes = (len(before), len(train), len(held_out))
     groups = [long_enough(alike[place]) for place in places(sizes)]
-    long = [log for logs, _ in groups for log in logs]
     short = [line for _, lines in groups for line in lines]
-    return Logs.split(long, [len(logs) for logs, _ in groups], (*short, *unread))
+    return Logs._make([*(logs for logs, _ in groups), (*short, *unread)])
 
 
 def _with_known_thrust(vehicle: Vehicle, logs: Logs) -> tuple[Vehicle, Logs]:
@@ -385,11 +383,12 @@ def _with_known_thrust(vehicle: Vehicle, logs: Logs) -> tuple[Vehicle, Logs]:
     since = [*logs.train, *logs.held_out] if logs.before else logs.held_out
     mapped = with_throttle_map(vehicle, known, since, before=bool(logs.before))
     vehicle, known, since = with_hover_thrust(vehicle, *mapped)
-    sizes = (len(logs.before), len(logs.train), len(logs.held_out))
-    return vehicle, Logs.split([*known, *since], sizes, logs.notes)
+    row = [*known, *since]
+    sizes = map(len, (logs.before, logs.train, logs.held_out))
+    return vehicle, Logs._make([*(row[place] for place in places(sizes)), logs.notes])
 
 
-def _residuals(logs: Logs, vehicle: Vehicle) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
+def _residuals(logs: Logs, vehicle: Vehicle) -> FittedAndJudging:
     """Return the flights that are fitted, those from before marked, and those that judge."""
     step = common_step([log.t for log in (*logs.fitted, *logs.held_out)], len(logs.fitted))
 
@@ -403,7 +402,7 @@ def _residuals(logs: Logs, vehicle: Vehicle) -> tuple[list[FlightResiduals], lis
 
 def _with_shown_torque(
     fitted: list[FlightResiduals], judging: list[FlightResiduals], options: Options
-) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
+) -> FittedAndJudging:
     """Return the flights with the share of torque that the motion of an unmeasured vehicle shows,
     where all logs tell torque.
     """
@@ -445,9 +444,8 @@ def novelty(inference: Inference) -> tuple[ResidualFinding, ...]:
     """
     ranking = inference.ranking
     held_out = inference.held_out
-    if any(cause.identifier == GustyWind.identifier for cause in inference.causes) or any(
-        term.effect.has_hidden_state for term in ranking.best.terms
-    ):
+    gusts = any(cause.identifier == GustyWind.identifier for cause in inference.causes)
+    if gusts or has_swing(ranking.best.terms):
         return ()
     residual = np.concatenate(
         [held_out.residual[name][rows, WRENCH] for name, rows in held_out.rows.items()]
@@ -463,9 +461,7 @@ def novelty(inference: Inference) -> tuple[ResidualFinding, ...]:
     )
 
 
-def split_flights(
-    flights: Sequence[FlightResiduals],
-) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
+def split_flights(flights: Sequence[FlightResiduals]) -> FittedAndJudging:
     """Return the first halves of flights, and all flights with these rows marked as joined."""
     halves = []
     judges = []
@@ -502,7 +498,8 @@ def _answer(
     options = ranking.options
     best = ranking.best
     noise = ranking.noise
-    ends = {flight.name: float(flight.log.t[-1]) for flight in (*flights, *judging)}
+    logs = {flight.name: flight.log for flight in (*flights, *judging)}
+    ends = {name: float(log.t[-1]) for name, log in logs.items()}
     causes, late = without_late_onsets(inference.causes, ends)
     causes = with_held_out_gains(causes, noise, held_out)
     remainder = dc.replace(inference, causes=causes).remainder
@@ -523,8 +520,8 @@ def _answer(
     visible = visible_changes(ranking) if before else {}
     if before and not flights[0].knows_torque:
         balance = compare_balance(
-            [flight.log for flight in flights if flight.earlier],
-            [flight.log for flight in (*flights, *judging) if flight.name not in not_asked],
+            [logs[name] for name in before],
+            [log for name, log in logs.items() if name not in not_asked],
             vehicle,
             options,
         )
@@ -534,7 +531,7 @@ def _answer(
     answer = Diagnosis(
         vehicle=vehicle.name,
         nominal=vehicle,
-        rotors=tuple(named_rotors([flight.log for flight in (*flights, *judging)], vehicle)),
+        rotors=tuple(named_rotors([*logs.values()], vehicle)),
         train=tuple(flight.name for flight in flights if flight.name not in not_asked),
         held_out=tuple(flight.name for flight in judging),
         joined=tuple(flight.name for flight in judging if flight.joined.any()),

@@ -15,6 +15,7 @@ from np_drake.diagnosis.forward_model import (
     STATE,
     Stages,
     Term,
+    has_swing,
     hidden_size,
     padded,
     predicted_residual,
@@ -80,9 +81,8 @@ def free_parameters(
                 scale = width * usual_size(p, vehicle)
                 free.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
         scale = width * usual_size(MASS, vehicle)
-        upper = MASS.upper
         for k in np.flatnonzero(term.loads).tolist():
-            free.append(Free(i, LOADS, scale, 0.0, 0.0, upper, entry=k))
+            free.append(Free(i, LOADS, scale, 0.0, 0.0, MASS.upper, entry=k))
         for flight in flights if term.effect.has_hidden_state else ():
             if term.begins(flight.name) != NEVER:
                 scales = priors.swing * np.array([1, 1, 3, 3])  # of angles, and of rates
@@ -251,8 +251,7 @@ class _WhitenedModel:
 
     def terms_at(self, z: np.ndarray) -> list[Term]:
         """Return the terms with the parameters of z."""
-        n = len(self._free)
-        return write(self._terms, self._free, z[:n] * self.scale)
+        return write(self._terms, self._free, z[: len(self._free)] * self.scale)
 
     def residual(self, z: np.ndarray) -> np.ndarray:
         """Return whitened residuals, then the rows of the prior."""
@@ -341,7 +340,7 @@ def refine(
     """
     flights = problem.flights
     everything = [*terms, *(d.term for d in calibration)]
-    known = {len(terms) + i: d for i, d in enumerate(calibration)}
+    known = dict(enumerate(calibration, start=len(terms)))
     free = free_parameters(everything, flights, known, problem.options.priors)
     n = len(free)
     model = _WhitenedModel(problem, everything, free, noise)
@@ -469,12 +468,9 @@ def impossible(fit: Fit, i: int, vehicle: Vehicle, height: float) -> str:
     tried = [
         np.linspace(*interval(fit, i, p.name), INTERVAL_POINTS).tolist() for p in effect.parameters
     ]
-    figures = (
-        dict(zip(effect.values, combination, strict=True)) for combination in product(*tried)
-    )
     possible = (
-        effect.of({**effect.values, **combination}).possible(vehicle, height)
-        for combination in figures
+        effect.of(dict(zip(effect.values, figures, strict=True))).possible(vehicle, height)
+        for figures in product(*tried)
     )
     return "" if any(possible) else "no vehicle can have such figures"
 
@@ -498,15 +494,12 @@ def refit(
     """
     noise = noise or problem.noise
     terms = _terms_at_posterior(problem, model)
-    starts = [terms]
+    starts: list[Sequence[Term]] = [terms]
     kind = [(type(t.effect), t.onset, t.changes) for t in terms]
     if known is not None and [(type(t.effect), t.onset, t.changes) for t in known.terms] == kind:
-        starts = (
-            [list(known.terms), terms]
-            if any(t.effect.has_hidden_state for t in terms)
-            else [list(known.terms)]
-        )
-    fits = [_descend(problem, model, start, noise, iterations) for start in starts]
+        starts = [known.terms, terms] if has_swing(terms) else [known.terms]
+    onset_prior = problem.onset_prior(model)
+    fits = [_descend(problem, start, noise, iterations, onset_prior) for start in starts]
     return max(fits, key=lambda f: f.log_evidence)
 
 
@@ -518,7 +511,7 @@ def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
     """
     flights = problem.flights
     terms = _terms_at_posterior(problem, model)
-    if not any(t.effect.has_hidden_state for t in terms):
+    if not has_swing(terms):
         return refit(problem, model, None, iterations=iterations)
     same_scale = scale_only(
         [
@@ -537,18 +530,18 @@ def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
         )
         for i, t in enumerate(terms)
     ]
-    return _descend(problem, model, swung, same_scale, iterations)
+    return _descend(problem, swung, same_scale, iterations, problem.onset_prior(model))
 
 
-def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseModel) -> Fit:
+def restart(problem: RegressionProblem, fit: Fit, noise: NoiseModel) -> Fit:
     """Return the fit, restarted until it gains no more where it has a hidden swing.
 
     Args:
         fit: a `refit` with this noise.
     """
-    for _ in range(AGAIN if any(t.effect.has_hidden_state for t in fit.terms) else 0):
+    for _ in range(AGAIN if has_swing(fit.terms) else 0):
         before = fit
-        fit = _descend(problem, model, list(fit.terms), noise, FIT_ITERATIONS)
+        fit = _descend(problem, fit.terms, noise, FIT_ITERATIONS, fit.onset_prior)
         if fit.log_evidence < before.log_evidence + 1.0:
             return max(before, fit, key=lambda f: f.log_evidence)
     return fit
@@ -559,14 +552,16 @@ def fit_of_subset(
 ) -> Fit:
     """Return the fit of some effects of another fit alone, with the calibration that suits them."""
     kept = [i for i, t in enumerate(fit.terms) if t.effect.identifier in names]
-    refitted = _descend(
-        problem, Model((), 0.0), [fit.terms[i] for i in kept], noise, FIT_ITERATIONS
-    )
-    return dc.replace(refitted, onset_prior=sum(fit.onset_prior_of(i) for i in kept))
+    onset_prior = sum(fit.onset_prior_of(i) for i in kept)
+    return _descend(problem, [fit.terms[i] for i in kept], noise, FIT_ITERATIONS, onset_prior)
 
 
 def _descend(
-    problem: RegressionProblem, model: Model, start: list[Term], noise: NoiseModel, iterations: int
+    problem: RegressionProblem,
+    start: Sequence[Term],
+    noise: NoiseModel,
+    iterations: int,
+    onset_prior: float,
 ) -> Fit:
     # An effect takes the place of what the file states of it.
     acting = [t.effect for t in start if not t.onset]
@@ -576,7 +571,6 @@ def _descend(
         if not (d.stated and any(map(d.is_of, acting)))
     ]
     fit = refine(problem, start, calibration, noise, iterations)
-    onset_prior = sum(problem.candidates[i].onset_prior for i in model.members)
     return dc.replace(fit, onset_prior=onset_prior)
 
 

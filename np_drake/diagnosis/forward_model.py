@@ -71,6 +71,11 @@ class Term:
         return self.onset.get(flight)
 
 
+def has_swing(terms: Sequence[Term]) -> bool:
+    """Return whether a term has a hidden swing."""
+    return any(term.effect.has_hidden_state for term in terms)
+
+
 def with_dependants(terms: Sequence[Term], i: int) -> set[int]:
     """Return term i and the terms that act through it alone, as a wind through a drag."""
     others = {t.effect.identifier for k, t in enumerate(terms) if k != i}

@@ -15,6 +15,7 @@ from np_drake.diagnosis.forward_model import (
     NEVER,
     STATE,
     Term,
+    has_swing,
     jumps,
     predicted_residual,
 )
@@ -89,7 +90,7 @@ def mark_outliers(
     """
     marked = flight
     flight = dc.replace(flight, y=flight.y - predicted_residual(flight, calibration))
-    for _ in range(MOST_JUMPS if any(t.effect.has_hidden_state for t in terms) else 0):
+    for _ in range(MOST_JUMPS if has_swing(terms) else 0):
         # Where a swing is lost it misses ever more.
         outliers = _outliers(terms, flight, noise, priors, most=1.0)
         if flight.outliers.any():
@@ -111,7 +112,7 @@ def _outliers(
     most: float = MOST_OUTLIERS,
 ) -> np.ndarray:
     residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise, priors))
-    longest = LONGEST_BOUNCE if any(t.effect.has_hidden_state for t in terms) else LONGEST_OUTLIER
+    longest = LONGEST_BOUNCE if has_swing(terms) else LONGEST_OUTLIER
     return find_outliers(residual, flight.grid.step, longest, most)
 
 

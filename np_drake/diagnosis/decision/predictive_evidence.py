@@ -232,8 +232,7 @@ class _LinearFlights:
     """All flights, linear about the best fit with some of its terms."""
 
     def __init__(self, ranking: Ranking, held_out: HeldOut):
-        self._fit = ranking.best
-        self._noise = ranking.noise
+        self._ranking = ranking
         self._flights = ranking.problem.flights
         self._held_out = held_out
         tolerance = ranking.options.tolerance
@@ -245,7 +244,8 @@ class _LinearFlights:
 
     def without(self, gone: set[int]) -> dict[str, Blocks]:
         """Return the blocks by flight, linear about the fit without some terms."""
-        fit = self._fit
+        fit = self._ranking.best
+        noise = self._ranking.noise
         blocks = {}
         shared = [f for f in fit.free if not f.flight and f.term not in gone]
         for flight in (*self._flights, *self._held_out.flights):
@@ -253,9 +253,8 @@ class _LinearFlights:
             swings = [f for f in _swings(fit, flight, now) if f.term not in gone]
             for k in gone:
                 now[k] = dc.replace(now[k], onset={flight.name: NEVER})
-            vehicle, errors = self._columns[flight.name]
-            model = _Linearised(flight, now, [*shared, *swings], len(shared))
-            blocks[flight.name] = _blocks(model, self._noise, vehicle, errors)
+            free = [*shared, *swings]
+            blocks[flight.name] = _blocks(flight, now, free, noise, *self._columns[flight.name])
         return blocks
 
     def scores(self, blocks: dict[str, Blocks]) -> Scores:
@@ -277,7 +276,7 @@ class _LinearFlights:
 def _swings(fit: Fit, flight: FlightResiduals, now: Sequence[Term]) -> list[Free]:
     """Return the free hidden states of a flight, also of one that is not of the fit."""
     known = [f for f in fit.free if f.flight == flight.name]
-    if known or not any(t.effect.has_hidden_state for t in now):
+    if known:
         return known
     first = next((f.flight for f in fit.free if f.flight), "")
     alike = {(f.term, f.entry % STATE): f for f in fit.free if f.flight == first}
@@ -289,28 +288,25 @@ def _swings(fit: Fit, flight: FlightResiduals, now: Sequence[Term]) -> list[Free
     ]
 
 
-class _Linearised(NamedTuple):
-    """Terms on a flight, and their free parameters: those that all flights share come first."""
-
-    flight: FlightResiduals
-    terms: Sequence[Term]
-    free: Sequence[Free]
-    shared: int
-
-
 def _blocks(
-    model: _Linearised, noise: NoiseModel, vehicle: Sequence[np.ndarray], errors: np.ndarray
+    flight: FlightResiduals,
+    terms: Sequence[Term],
+    free: Sequence[Free],
+    noise: NoiseModel,
+    vehicle: Sequence[np.ndarray],
+    errors: np.ndarray,
 ) -> Blocks:
     """Return the blocks of a flight, linear about the terms.
 
     Args:
+        free: parameters of the terms; those that all flights share come first.
         vehicle: groups of columns (m, 15, k) that all flights share.
         errors: (m, 15, k) columns of this flight.
     """
-    flight, terms, free, n = model
+    n = sum(not f.flight for f in free)
     scale, neutral = (np.array([getattr(f, name) for f in free]) for name in ("scale", "neutral"))
     away = (read(terms, free) - neutral) / scale
-    J = _through_neutral(scaled_jacobian(terms, free, flight), model, away)
+    J = _through_neutral(scaled_jacobian(terms, free, flight), flight, terms, free, away)
     target = flight.uncalibrated - predicted_residual(flight, terms) + J @ away
     root = np.linalg.inv(prior_whitening(terms, free[:n]))
     parts = [J[..., :n] @ root, *vehicle, J[..., n:], errors, target[..., None]]
@@ -325,13 +321,18 @@ def _blocks(
     return Blocks(grams, values, np.array(owners, int), n + len(none))
 
 
-def _through_neutral(J: np.ndarray, model: _Linearised, away: np.ndarray) -> np.ndarray:
+def _through_neutral(
+    J: np.ndarray,
+    flight: FlightResiduals,
+    terms: Sequence[Term],
+    free: Sequence[Free],
+    away: np.ndarray,
+) -> np.ndarray:
     """Return the derivatives (m, 15, k), changed so that they lead from each term to its absence.
 
     A term that is far from neutral is not linear in its parameters: its derivative there would
     predict something of its absence. Source: secant update of rank one (Broyden).
     """
-    flight, terms, free, _ = model
     J = J.copy()
     predicted = predicted_residual(flight, terms)
     of_term = np.array([f.term for f in free])

@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 
 from np_drake.diagnosis.fitting import CORRELATED_BLOCK, prior_whitening, scaled_jacobian
-from np_drake.diagnosis.forward_model import predicted_residual, with_dependants
+from np_drake.diagnosis.forward_model import has_swing, predicted_residual, with_dependants
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics import NoiseModel, places
 from np_drake.diagnosis.options import Options
@@ -318,7 +318,7 @@ def find_unexplained(
     flights = ranking.problem.flights
     residual = {flight.name: best.residual(flight) for flight in flights}
     swung = {flight.name: held_out.swing_free_residual(flight) for flight in held_out.flights}
-    hidden = any(t.effect.has_hidden_state for t in best.terms)
+    hidden = has_swing(best.terms)
     slowly = gust_probability(flights, residual, held_out.flights, swung, options, hidden=hidden)
     both = residual | swung
     tau = np.concatenate(

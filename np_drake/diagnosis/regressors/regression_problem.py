@@ -171,6 +171,10 @@ class RegressionProblem:
         marginal = Gram(XX, np.zeros(len(XX))).given(len(XX) - self.candidates[member].size).XX
         return np.sqrt(np.diag(np.linalg.pinv(marginal)))
 
+    def onset_prior(self, model: Model) -> float:
+        """Return the log prior of the onsets of a model."""
+        return sum(self.candidates[i].onset_prior for i in model.members)
+
     def _log_prior(self, members: Sequence[int]) -> float:
         chosen = [self.candidates[i] for i in members]
         return prior_of(

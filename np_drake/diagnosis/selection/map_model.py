@@ -318,7 +318,7 @@ def rank_models(searched: Ranking) -> Ranking:
     close = [m for m in _distinct(problem, searched.models) if m.score > least]
     refined = {m: refit(problem, m, searched.best, noise) for m in close[:REFINED]}
     first = max(refined, key=lambda m: score_of(refined[m], priors))
-    best = refined[first] = restart(problem, first, refined[first], noise)
+    best = refined[first] = restart(problem, refined[first], noise)
     for m in drop_negligible(problem, first, best):
         if m not in refined:
             names = names_of(problem, m)
