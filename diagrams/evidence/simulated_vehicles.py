@@ -316,7 +316,7 @@ def error_of(quantity: Quantity, value: float, true: float, truth: Truth) -> tup
     if quantity.unit == "kg·m²":
         return "%", 100.0 * off / float(np.mean(np.diag(truth.vehicle.J)[:2]))
     if quantity.unit == "m":
-        arms = np.linalg.norm(np.array(truth.vehicle.rotor_positions)[:, :2], axis=1)
+        arms = np.linalg.norm(truth.vehicle.rotor_positions_B[:, :2], axis=1)
         return "mm per 10 cm arm", 100.0 * off / float(arms.mean())
     return "own unit", off
 

@@ -26,19 +26,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from jinja2 import Environment, StrictUndefined
 
 from diagrams.exports.corrected import Corrected, corrected
 from np_drake.effects.base import MassProperties, SensorEffect
 from np_drake.effects.library import effects_for
 from np_drake.files.file_access import write_text
+from np_drake.files.yaml_file import read_yaml
 from np_drake.vehicle import Vehicle
 from systems.payload_config import payload_config
 
 LEFT_OUT = "left out"
 Law = Mapping[str, tuple[str, str]]  # identifier or place of an effect -> how, and in words
-LAWS: dict[str, Law] = yaml.safe_load(Path(__file__).with_name("carried.yaml").read_text("utf-8"))
+LAWS: dict[str, Law] = read_yaml(Path(__file__).with_name("carried.yaml"))
 # SDF
 ROTOR_SHARE = 1e-3  # of the vehicle's mass that a rotor link has; own choice: Gazebo needs some [1]
 ROTOR_RADIUS = 0.1  # radius of that ball over the rotor's: its spin is not felt; own choice [1]
@@ -115,7 +115,7 @@ class Box:
 
 def hull(vehicle: Vehicle) -> Box:
     """Return the box that collides: as wide as the rotor discs reach, as high as the body."""
-    p = np.array(vehicle.rotor_positions, float)
+    p = vehicle.rotor_positions_B
     half = 0.5 * HEIGHT * _arm(vehicle)
     lower = p.min(axis=0) - vehicle.rotor_radius
     upper = p.max(axis=0) + vehicle.rotor_radius
@@ -127,7 +127,7 @@ def seen(vehicle: Vehicle) -> list[Box]:
     """Return body and arms as boxes that are seen."""
     size = _arm(vehicle)
     boxes = [Box("body", np.zeros(3), size * np.array([BODY, BODY, HEIGHT]))]
-    for i, p in enumerate(np.array(vehicle.rotor_positions, float)):
+    for i, p in enumerate(vehicle.rotor_positions_B):
         beam = np.array([np.hypot(p[0], p[1]), ARM * size, ARM * size])
         boxes.append(Box(f"arm_{i + 1}", p * [0.5, 0.5, 1.0], beam, float(np.arctan2(p[1], p[0]))))
     return boxes
@@ -135,7 +135,7 @@ def seen(vehicle: Vehicle) -> list[Box]:
 
 def _arm(vehicle: Vehicle) -> float:
     """Return the mean distance of the rotors from Bo [m]."""
-    return float(np.linalg.norm(np.array(vehicle.rotor_positions, float), axis=1).mean())
+    return float(np.linalg.norm(vehicle.rotor_positions_B, axis=1).mean())
 
 
 def write_sdf(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) -> list[Carried]:
@@ -156,7 +156,7 @@ def write_sdf(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) -> lis
     rotor_J = np.diag(flat if turning else np.full(3, ball))
     # Where thrust has the roll and pitch torque after `torque_share`.
     share = np.array([c.torque_share[1], c.torque_share[0], 1.0])
-    positions = np.array(vehicle.rotor_positions, float) * share
+    positions = vehicle.rotor_positions_B * share
     air = {f"{x}{u}": -d for x, u, d in zip("xyz", "UVW", c.drag_in_hover, strict=True)}
     air |= {f"{x}{u}abs{u}": -q for x, u, q in zip("xyz", "UVW", c.quadratic, strict=True)}
     air |= {"zUU": c.lift, "zVV": c.lift, "kV": c.flapping, "mU": -c.flapping}

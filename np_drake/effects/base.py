@@ -91,7 +91,7 @@ def signed(rng: np.random.Generator, low: float, high: float) -> float:
 
 def arm(vehicle: Vehicle) -> float:
     """Return the mean distance of a rotor from Bo in the plane of the rotors [m]."""
-    return float(np.mean(np.linalg.norm(np.array(vehicle.rotor_positions)[:, :2], axis=1)))
+    return float(np.mean(np.linalg.norm(vehicle.rotor_positions_B[:, :2], axis=1)))
 
 
 def direction(rng: np.random.Generator, rise: float | None = None) -> np.ndarray:

@@ -60,7 +60,7 @@ class Downwash(WrenchEffect):
 
     def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return the push in B, (..., 6) [N, N·m]."""
-        arms = np.array(vehicle.rotor_positions)
+        arms = vehicle.rotor_positions_B
         p_WR = motion.x[..., None, P] + arms @ np.swapaxes(motion.R_WB, -1, -2)
         w = self.velocity(vehicle, motion.t, p_WR)
         out = super().body_wrench(vehicle, motion)

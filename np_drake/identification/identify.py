@@ -338,7 +338,7 @@ def _frame(flights: Sequence[Signals], prior: Vehicle, drive: str) -> Frame:
         throttle = float(np.median(np.concatenate(commands)))
     volts = [np.median(s.voltage) for s in flights if s.voltage is not None]
     return Frame(
-        np.array(prior.rotor_positions, float),
+        prior.rotor_positions_B,
         np.array(prior.rotor_directions, float),
         prior.rotor_radius,
         unit,

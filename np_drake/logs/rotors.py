@@ -55,7 +55,7 @@ def assignments(vehicle: Vehicle) -> list[Assignment]:
     """Return all assignments with which a vehicle can be steered: two rotors turn each way, or as
     in its file.
     """
-    positions = np.array(vehicle.rotor_positions, float)
+    positions = vehicle.rotor_positions_B
     stated = given(vehicle)[1]
     patterns = [d for d in itertools.product((1.0, -1.0), repeat=4) if sum(d) == 0 or d == stated]
     steerable = []
@@ -83,7 +83,7 @@ def evidence(log: FlightLog, vehicle: Vehicle) -> Evidence | None:
     if columns is None or not _long_and_fast(log):
         return None
     turn, _, *moved = _in_band(log, vehicle, columns, (0.0,) if log.rotor is not None else DELAYS)
-    positions = np.array(vehicle.rotor_positions, float)
+    positions = vehicle.rotor_positions_B
     rotors, d = (np.array(values) for values in zip(*assignments(vehicle), strict=True))
     arms = np.stack([positions[rotors, 1], -positions[rotors, 0], d], axis=1)  # (m, 3, 4)
     size = np.linalg.norm(turn, axis=0)
@@ -373,7 +373,7 @@ def board_turn(order: RotorOrder, vehicle: Vehicle) -> int:
     """Return by which right angle about z a board is turned whose torques are those of an order,
     with its columns as in the vehicle file [deg]; 0: by none.
     """
-    places = np.array(vehicle.rotor_positions, float)[:, :2] @ [1.0, 1.0j]  # x + i y
+    places = vehicle.rotor_positions_B[:, :2] @ [1.0, 1.0j]  # x + i y
     if order.directions != given(vehicle)[1]:
         return 0
     seen = places[list(order.rotors)]

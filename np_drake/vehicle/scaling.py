@@ -50,7 +50,7 @@ class Scales:
 
 def scales(vehicle: Vehicle) -> Scales:
     """Return the units of length, mass and time of `vehicle`."""
-    length = float(np.mean(np.linalg.norm(np.array(vehicle.rotor_positions, float), axis=1)))
+    length = float(np.mean(np.linalg.norm(vehicle.rotor_positions_B, axis=1)))
     return Scales(length, vehicle.mass, math.sqrt(length / vehicle.gravity))
 
 
@@ -114,7 +114,7 @@ def numbers(vehicle: Vehicle) -> Numbers:
     """
     unit = scales(vehicle)
     J = np.diag(vehicle.J)
-    arm = np.abs(np.array(vehicle.rotor_positions, float)[:, :2])
+    arm = np.abs(vehicle.rotor_positions_B[:, :2])
     torque = 0.5 * vehicle.max_rotor_thrust * arm.sum(axis=0)[::-1]  # about x by the arms along y
     x, y, z = (J / (unit.mass * unit.length**2)).tolist()
     return Numbers(

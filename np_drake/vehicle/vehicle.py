@@ -441,6 +441,11 @@ class Vehicle:
         return None not in (self.uncertainty("thrust"), *moments)
 
     @cached_property
+    def rotor_positions_B(self) -> np.ndarray:
+        """Positions of the rotors (4, 3), from Bo in body axes [m]."""
+        return np.array(self.rotor_positions, float)
+
+    @cached_property
     def J(self) -> np.ndarray:
         """Inertia about the centre of mass in body axes, (3, 3) [kg·m²]."""
         return np.array(self.inertia, float)
@@ -448,7 +453,7 @@ class Vehicle:
     @cached_property
     def mixer(self) -> np.ndarray:
         """Map from rotor thrusts [N] to u = [f_u, tau_m], [N, N·m], (4, 4)."""
-        p = np.array(self.rotor_positions, float)
+        p = self.rotor_positions_B
         kappa = self.torque_coefficient / self.thrust_coefficient
         return np.stack(
             [np.ones(4), p[:, 1], -p[:, 0], kappa * np.array(self.rotor_directions, float)]

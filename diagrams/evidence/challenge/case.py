@@ -9,7 +9,6 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from diagrams.evidence.challenge.flight import SIMULATORS
 from diagrams.evidence.challenge.out_of_library import DEVELOPMENT, DRAWS, HOLDOUT
@@ -18,7 +17,7 @@ from diagrams.evidence.challenge.sensors import QUALITIES, REAL, SensorQuality, 
 from np_drake.effects.base import Effect, drag_coefficients
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.files.yaml_file import number, word
+from np_drake.files.yaml_file import number, read_yaml, word
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 # kinds of cases
@@ -44,7 +43,7 @@ EQUIVALENT = (
     {"center_of_mass_offset", "weak_rotor", "suspended_payload"},
     {"mass_error", "suspended_payload"},
 )
-_OTHERS = yaml.safe_load(Path(__file__).with_name("vehicles.yaml").read_text(encoding="utf-8"))
+_OTHERS = read_yaml(Path(__file__).with_name("vehicles.yaml"))
 VEHICLES = (Vehicle(), *(Vehicle(**fields) for fields in _OTHERS))
 
 

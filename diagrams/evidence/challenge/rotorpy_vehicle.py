@@ -162,7 +162,7 @@ class RotorPyWorld(Multirotor):
         lags = [effect.time_constant for effect in places.actuator if isinstance(effect, MotorLag)]
         lag = (lags or [vehicle.rotor_time_constant])[-1]
         scale = float(np.prod(scales))
-        rotors = np.array(vehicle.rotor_positions) - body.p_BoBcm_B
+        rotors = vehicle.rotor_positions_B - body.p_BoBcm_B
         given = {
             "mass": body.mass,
             **{f"I{'xyz'[i]}{'xyz'[j]}": body.J[i, j] for i in range(3) for j in range(i, 3)},

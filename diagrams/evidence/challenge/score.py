@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import scipy
-import yaml
 
 from diagrams.batch.run import Table
 from diagrams.evidence.challenge.answers import AnsweredCase
@@ -32,8 +31,9 @@ from diagrams.evidence.scoring import (
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.base import Parameter
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
+from np_drake.files.yaml_file import read_yaml
 
-SCORE = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
+SCORE = read_yaml(Path(__file__).with_suffix(".yaml"))
 WIDEST = 3  # names that a class may hold, that of its cause included: more tell nothing
 # a wind acts through a drag
 WINDS = {"constant_wind", "gusty_wind"}

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from diagrams.batch.run import require
 from diagrams.evidence.studies.options import chosen
+from np_drake.files.yaml_file import read_yaml
 from np_drake.flight_log import FlightLog
 from np_drake.logs import opening
 from np_drake.logs.errors import LogError
@@ -323,7 +323,7 @@ def _campaign(nominal: dict, truth: dict, rule: dict, **more: Any) -> Campaign:
     )
 
 
-_FACTS = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
+_FACTS = read_yaml(Path(__file__).with_suffix(".yaml"))
 RULE = tuple(_FACTS["rule"])
 CASES = _FACTS["cases"]
 ASKED = _FACTS["asked"]

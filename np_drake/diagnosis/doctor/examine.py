@@ -324,7 +324,10 @@ def _crossing(size: np.ndarray, length: np.ndarray) -> float:
     return float(math.exp(x[k] - y[k] / max(slope, 0.3)))
 
 
-def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float:
+GUST_TIME = 1.0  # correlation time of the gusts that the doctor looks for [s]
+
+
+def smallest_gust(noise: NoiseModel, seconds: float) -> float:
     """Return the least deviation of a lateral force of gusts that is told from the noise [N].
 
     The log likelihood of a spectrum is a sum over independent frequencies (Whittle), and so is the
@@ -332,11 +335,10 @@ def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float
 
     Args:
         seconds: length of all flights [s].
-        time: correlation time of the force [s].
     """
     frequency = np.arange(1, max(2, int(0.4 / noise.step * seconds))) / seconds
     # one-sided, of unit variance [1/Hz]
-    gust = 4 * time / (1 + (2 * np.pi * frequency * time) ** 2)
+    gust = 4 * GUST_TIME / (1 + (2 * np.pi * frequency * GUST_TIME) ** 2)
     information = sum(
         np.sum((gust / power) ** 2) for power in noise.spectrum(frequency)[:2] if power[0] > 0
     )

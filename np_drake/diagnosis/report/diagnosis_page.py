@@ -104,7 +104,7 @@ def rotor_figure(vehicle: Vehicle, rotors: Sequence[RotorName], marked: Collecti
     from matplotlib.patches import Circle
 
     # Front is up and left is left.
-    p = np.array(vehicle.rotor_positions, float)[:, :2] @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    p = vehicle.rotor_positions_B[:, :2] @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     figure, grid = new_figure(1, 1, width=4.2, height=3.6)
     ax = grid[0, 0]
     span = np.abs(p).max()

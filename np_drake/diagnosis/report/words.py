@@ -449,7 +449,10 @@ def difference_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     return rows
 
 
-def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], list[tuple[str, ...]]]:
+LONGEST_NAME = 20  # of a flight in a column of the table [characters]
+
+
+def cause_table(diagnosis: Diagnosis) -> tuple[list[str], list[tuple[str, ...]]]:
     """Return header and rows of the causes, a row for every parameter; the first has what is of the
     whole cause.
 
@@ -469,7 +472,7 @@ def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], lis
     rows: list[tuple[str, ...]] = []
     for cause in named_causes(diagnosis):
         last = [probability(cause.probability), percent(cause.held_out_gain)]
-        last += ["\n".join(begins(cause, longest)), "\n".join(cause.indistinguishable_from)]
+        last += ["\n".join(begins(cause, LONGEST_NAME)), "\n".join(cause.indistinguishable_from)]
         for k, (name, parameter) in enumerate(cause.parameters.items() or [("", None)]):
             shown = estimate(parameter, unit_of(cause, parameter)) if parameter else ("", "")
             if name == "rotor" and cause.rotor:

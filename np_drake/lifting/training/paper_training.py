@@ -248,16 +248,15 @@ def window_fit(
     return stable(solution[:, :K]), solution[:, K:]
 
 
-def stable(A: torch.Tensor, radius: float = RADIUS) -> torch.Tensor:
+def stable(A: torch.Tensor) -> torch.Tensor:
     """Make A (..., K, K) stable as `stabilized` does in flight; what that adds is taken as a
     constant in gradients.
 
     Args:
         A: (..., K, K).
-        radius: largest |eigenvalue| [1].
     """
     given = A.detach().numpy()
-    each = [stabilized(one, radius) for one in given.reshape(-1, *given.shape[-2:])]
+    each = [stabilized(one, RADIUS) for one in given.reshape(-1, *given.shape[-2:])]
     stabilised = np.reshape(each, given.shape)
     return A + torch.from_numpy(stabilised - given)
 
