@@ -13,7 +13,7 @@ FLOORS = ("np_drake", "systems", "diagrams")  # from the ground up
 FILES = sorted(path.relative_to(ROOT) for floor in FLOORS for path in (ROOT / floor).rglob("*.py"))
 # From the ground up: a module imports from its own room and from those before it.
 DIAGNOSIS = (
-    *("options", "numerics", "residuals", "result", "forward_model", "effect_prior"),
+    *("options", "residuals", "result", "forward_model", "effect_prior"),
     *("regressors", "swing_fit", "rotor_balance"),
     *("fitting", "calibration", "held_out", "selection", "gusts", "slow_force", "decision"),
     *("gap", "doctor", "report", "diagnose"),
@@ -24,8 +24,9 @@ GROUND = (
     *(
         "trained_model",
         "training_data",
-        "identification",
+        "estimation",
         "effects",
+        "identification",
         "logs",
         "references",
         "diagnosis",

@@ -55,7 +55,6 @@ from np_drake.diagnosis.gap import (
 )
 from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gusts
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
-from np_drake.diagnosis.numerics import places
 from np_drake.diagnosis.options import PRIOR_SPREAD, Options, Tolerance
 from np_drake.diagnosis.regressors import tolerance_of, with_input
 from np_drake.diagnosis.regressors.generic import ELSEWHERE
@@ -82,6 +81,7 @@ from np_drake.diagnosis.rotor_balance import compare_balance
 from np_drake.diagnosis.selection import Ranking, find_map_model, rank_models
 from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
+from np_drake.estimation.regression import places
 from np_drake.files.number_text import NBSP, number
 from np_drake.finding import joined
 from np_drake.flight_log import FlightLog

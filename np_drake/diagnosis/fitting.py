@@ -21,13 +21,15 @@ from np_drake.diagnosis.forward_model import (
     predicted_residual,
     swing_wrenches,
 )
-from np_drake.diagnosis.numerics import Minimum, NoiseModel, minimise, places, scale_only
 from np_drake.diagnosis.options import HALF_WIDTH_95, Priors
 from np_drake.diagnosis.regressors import Model, RegressionProblem
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.swing_fit import fitted_to_whole_flight
 from np_drake.effects.base import Effect, SensorEffect, correlation_root, usual_size
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.estimation.map_fit import SCORE_BLOCK, Minimum, clustered_covariances, minimise
+from np_drake.estimation.noise import NoiseModel, scale_only
+from np_drake.estimation.regression import places
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 
@@ -154,10 +156,6 @@ def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> li
             moved = dc.replace(term.effect, **{f.name: value})  # type: ignore[type-var]
             written[f.term] = dc.replace(term, effect=moved)
     return written
-
-
-# length of blocks within which residuals may correlate, for the robust covariance [s]
-CORRELATED_BLOCK = 1.0
 
 
 @dc.dataclass(frozen=True)
@@ -310,21 +308,21 @@ class _WhitenedModel:
         """
         n = len(self._free)
         covariance = np.linalg.inv(best.information)
-        size = (
-            max(1, round(CORRELATED_BLOCK / self._flights[0].grid.step)) * self._noise.phi.shape[0]
-        )
+        rows = max(1, round(SCORE_BLOCK / self._flights[0].grid.step))
+        size = rows * self._noise.phi.shape[0]
         scores = []
         for flight in self._flights:
             X, at = self._white.columns[flight.name]
-            missed = best.residual[self._white.rows[flight.name]]
-            for first in range(0, len(missed), size):
-                block = slice(first, first + size)
-                score = np.zeros(len(best.z))
-                score[:n] = self._derivatives[flight.name][block].T @ missed[block]
-                score[n + at] = X[block].T @ missed[block]
-                scores.append(score)
-        sandwich = np.sum((np.array(scores) @ covariance) ** 2, axis=0)
-        robust = np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))
+            missed = best.residual[self._white.rows[flight.name], None]
+            each = np.zeros((len(missed), len(best.z)))
+            each[:, :n] = self._derivatives[flight.name] * missed
+            each[:, n + at] = X * missed
+            scores.append(np.add.reduceat(each, np.arange(0, len(each), size)))
+        prior = np.eye(len(best.z))
+        prior[:n, :n] = self.prior.T @ self.prior
+        least, *clustered = clustered_covariances(covariance, prior, scores)
+        variance = np.diag(least)
+        robust = np.max([np.diag(c) / variance for c in (least, *clustered)], axis=0)
         return covariance * np.sqrt(np.outer(robust, robust))
 
 

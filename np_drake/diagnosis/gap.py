@@ -17,7 +17,6 @@ from np_drake.diagnosis.held_out import (
     remaining_residual,
     scored_on_fitted_rows,
 )
-from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.regressors import hidden_from
 from np_drake.diagnosis.residuals import QUIET, TORQUE, WRENCH, FlightResiduals, smooth_attitude
 from np_drake.diagnosis.result import (
@@ -37,6 +36,7 @@ from np_drake.effects.base import Effect, Motion, SensorEffect
 from np_drake.effects.combine import EffectsByPlace, mass_properties, total_wrench
 from np_drake.effects.library import REQUIREMENTS, effect_of
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.estimation.noise import NoiseModel, fit_noise
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.signals import Signal
 from np_drake.rigid_body import P, Q, V, W

@@ -19,7 +19,6 @@ from np_drake.diagnosis.forward_model import (
     jumps,
     predicted_residual,
 )
-from np_drake.diagnosis.numerics import NoiseModel, with_loudness
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import onset_log_likelihood, times_of_changes
 from np_drake.diagnosis.residuals import (
@@ -33,6 +32,7 @@ from np_drake.diagnosis.residuals import (
 )
 from np_drake.diagnosis.result import Cause
 from np_drake.diagnosis.swing_fit import SwingFit, fitted_to_whole_flight
+from np_drake.estimation.noise import NoiseModel, with_loudness
 
 # Over which a hidden start is fitted, at least, and a swing anew after an outlier; these rows are
 # not scored [s].

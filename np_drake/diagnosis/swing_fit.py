@@ -17,9 +17,9 @@ from np_drake.diagnosis.forward_model import (
     swing_units,
     swing_wrenches,
 )
-from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
+from np_drake.estimation.noise import NoiseModel
 
 # difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
 SMALL = 0.02

@@ -3,17 +3,24 @@ spread of flights.
 
 The cost is the sum of squared whitened residuals and of the standardised parameters. Filters and
 weights follow from the residuals of the step before.
-Source: Ljung, System Identification, ch. 7 (prediction errors); White 1982 (covariance of a
-    misspecified model);
-DerSimonian and Laird 1986 (variance between studies).
+Source: Ljung, System Identification, ch. 7 (prediction errors).
 """
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import scipy
 
+from np_drake.estimation.map_fit import (
+    SCORE_BLOCK,
+    Agreement,
+    between_variance,
+    clustered_covariances,
+    compare,
+    minimise,
+    sandwich,
+)
+from np_drake.estimation.noise import RobustNoise
 from np_drake.identification.model import FlightModel
 from np_drake.vehicle.published import LogNormal, published_priors
 
@@ -180,154 +187,12 @@ class Layout:
         return {**self.fixed, **{p.name: p.value(c) for p, c in both}}
 
 
-WHITENING_ORDER = 16  # of the autoregressive model; own choice: 0.16 s at 100 Hz
-OUTLYING = 3.0  # standard deviations from which a whitened residual counts less; Huber's bend
-# noise below which no channel is [m/s², rad/s², 1]; source: sensors have ten times as much
-LEAST_NOISE = 1e-4
-# from which it does not count; own choice: a Gaussian has none in a thousand years of flight
-IMPOSSIBLE = 8.0
-
-
-@dc.dataclass(frozen=True)
-class Whitening:
-    """Filters of the channels of one flight.
-
-    taps: (c, p + 1) filter of each channel that maps it to unit white noise.
-    good: (m,) rows that count. weight: (m, c) square root of Huber's weights [1].
-    """
-
-    taps: np.ndarray
-    good: np.ndarray
-    weight: np.ndarray
-
-    @classmethod
-    def of(cls, e: np.ndarray, good: np.ndarray, order: int = WHITENING_ORDER) -> "Whitening":
-        """Return the filters that whiten residuals.
-
-        Args:
-            e: (m, c) residuals.
-            good: (m,) rows that count.
-        """
-        # A constant is what parameters are to explain, not noise.
-        deviation = np.where(good[:, None], e - (e[good].mean(axis=0) if good.any() else 0.0), 0.0)
-        usual = (
-            np.median(np.abs(deviation[good]), axis=0) / 0.6745
-            if good.any()
-            else np.ones(e.shape[1])
-        )
-        bounded = np.clip(deviation, -IMPOSSIBLE * usual, IMPOSSIBLE * usual)
-        taps = np.stack([_filter(column, good, order) for column in bounded.T])
-        reach = np.convolve(~good, np.ones(order + 1))[: len(good)]
-        kept = (reach < 0.5) & (np.arange(len(good)) >= order)
-        size = np.abs(cls(taps, kept, np.ones(e.shape)).apply(deviation))
-        spread = np.median(size[kept], axis=0) / 0.6745 if kept.any() else np.ones(e.shape[1])
-        spread = np.maximum(spread, LEAST_NOISE * taps[:, 0])
-        ratio = size / spread
-        weight = np.sqrt(np.minimum(1.0, OUTLYING / np.maximum(ratio, 1e-12))) / spread
-        weight[ratio > IMPOSSIBLE] = 0.0
-        return cls(taps, kept, weight)
-
-    def apply(self, values: np.ndarray) -> np.ndarray:
-        """Return whitened channels, zero where rows do not count.
-
-        Args:
-            values: (m, c) channels, or how they change with a parameter.
-        """
-        filtered = zip(self.taps, values.T, strict=True)
-        out = np.stack([scipy.signal.lfilter(taps, 1.0, v) for taps, v in filtered], axis=1)
-        return out * np.where(self.good[:, None], self.weight, 0.0)
-
-
-def _filter(x: np.ndarray, good: np.ndarray, order: int) -> np.ndarray:
-    """Return the prediction error filter (order + 1,) of a channel, over its deviation.
-
-    Args:
-        x: (m,) the channel, zero where rows do not count.
-        good: (m,) rows that count.
-    """
-    n = max(int(good.sum()), 1)
-    r = np.array([x[: len(x) - k] @ x[k:] for k in range(order + 1)]) / n
-    if r[0] <= 0.0:
-        return np.append(1.0, np.zeros(order))
-    r[0] *= 1.0 + 1e-9
-    phi = scipy.linalg.solve_toeplitz(r[:-1], r[1:])
-    return np.append(1.0, -phi) / np.sqrt(max(r[0] - phi @ r[1:], 1e-12 * r[0]))
-
-
-PRIOR_FLIGHTS = 2  # that the variance between flights is worth before any is seen; own choice
-
-
-@dc.dataclass(frozen=True)
-class Agreement:
-    """Whether flights tell the same of one parameter.
-
-    values, sd: (f,) what each flight tells alone and its deviation, in z; NaN where it tells
-    nothing.
-    variance: between flights, beside that within them.
-    p: probability of a larger disagreement by chance [1].
-    """
-
-    values: np.ndarray
-    sd: np.ndarray
-    variance: float
-    p: float
-
-
-def compare(values: np.ndarray, sd: np.ndarray) -> Agreement | None:
-    """Return the agreement of flights on a parameter; None where fewer than two tell anything.
-
-    Args:
-        values: (f,) what each tells alone; NaN where it tells nothing.
-        sd: (f,) standard deviations of these.
-    """
-    here = np.isfinite(values)
-    if here.sum() < 2:
-        return None
-    variance, Q = random_effect(values[here], sd[here])
-    return Agreement(values, sd, variance, float(scipy.stats.chi2.sf(Q, here.sum() - 1)))
-
-
-def random_effect(values: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
-    """Return the variance between flights beside that within them, and Cochran's Q.
-
-    Args:
-        values: (f,) what each tells alone.
-        sd: (f,) standard deviations of these.
-    """
-    weight = 1.0 / sd**2
-    Q = float(weight @ (values - weight @ values / weight.sum()) ** 2)
-    spread = weight.sum() - (weight**2).sum() / weight.sum()
-    return max(0.0, (Q - (len(values) - 1)) / spread), Q
-
-
-def _between(agreement: Agreement) -> float:
-    """Return what the variance between flights adds to that of their mean, with Student's t for
-    their number.
-    """
-    here = np.isfinite(agreement.sd)
-    weight = 1.0 / agreement.sd[here] ** 2  # as flights count in the common estimate
-    share = float((weight**2).sum() / weight.sum() ** 2)
-    return agreement.variance * share * _student(int(here.sum()) - 1 + PRIOR_FLIGHTS) ** 2
-
-
-def _student(freedom: int) -> float:
-    """Return by how much a 95 % interval is wider with few degrees of freedom than with many."""
-    return float(scipy.stats.t.ppf(0.975, freedom) / scipy.stats.norm.ppf(0.975))
-
-
 PASSES = 4  # of noise models
 GAUSS_NEWTON_STEPS = 3  # of Gauss-Newton within one
 DIFFERENCE_STEP = 1e-4  # of a finite difference, in standard deviations of the prior
-# length of the blocks into which a flight's scores are summed [s]; own choice: a manoeuvre
-SCORE_BLOCK = 1.0
-# blocks that are taken as dependent; own choice: up to the slow errors of an estimator
-TOGETHER = 1, 3, 9
-# of one length from which they tell a covariance; own choice: Student's factor is then 1.2
-LEAST_SCORE_BLOCKS = 8
 LEAST_FLIGHTS = 5  # from which flights are taken as independent clusters; own choice
 LARGEST = 2.0  # step in standard deviations of the prior
 BOUND = 6.0  # standard deviations of the prior beyond which a parameter does not go
-SETTLED = 1e-3  # largest step at which the descent ends
 
 
 @dc.dataclass(frozen=True)
@@ -358,16 +223,15 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
     z = np.zeros(layout.size)
     alone = [z] * len(models)
     for turn in range(PASSES):
-        whitenings = []
+        noises = []
         for number, (model, z_alone) in enumerate(zip(models, alone, strict=True)):
             if turn:
                 model.smooth(layout.values(z_alone, number))
             # What this flight alone leaves: a disagreement with others is not its noise.
-            whitenings.append(
-                Whitening.of(model.residual(layout.values(z_alone, number)), model.flight.good)
-            )
+            left = model.residual(layout.values(z_alone, number))
+            noises.append(RobustNoise.of(left, model.flight.good, model.flight.step))
         before = z
-        z, parts = _descend(models, layout, z, whitenings)
+        z, parts = _descend(models, layout, z, noises)
         alone = [_alone(part, layout, z, number)[0] for number, part in enumerate(parts)]
         if np.abs(z - before).max() < 0.02:
             break
@@ -375,26 +239,18 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
     inverse = np.linalg.inv(information + np.eye(layout.size))
     single = parts
     if len(parts) > 1:
-        flights = zip(models, alone, whitenings, strict=True)
+        flights = zip(models, alone, noises, strict=True)
         single = [
-            _part(model, layout, z_alone, number, w)
-            for number, (model, z_alone, w) in enumerate(flights)
+            _part(model, layout, z_alone, number, noise)
+            for number, (model, z_alone, noise) in enumerate(flights)
         ]
     agreement = _agreement(single, layout, alone)
-    covariances = [inverse]
-    for together in TOGETHER:
-        scores = np.concatenate(
-            [
-                np.add.reduceat(part.scores, np.arange(0, len(part.scores), together))
-                for part in single
-            ]
-        )
-        if together == 1 or len(scores) >= LEAST_SCORE_BLOCKS:
-            covariances.append(_sandwich(inverse, scores))
+    prior = np.eye(layout.size)
+    covariances = clustered_covariances(inverse, prior, [part.scores for part in single])
     # What disagreement adds to the variances of z (k,): between flights, and of what is their own.
     between = np.zeros(layout.size)
     for name, comparison in agreement.items():
-        between[layout.names.index(name)] = _between(comparison)
+        between[layout.names.index(name)] = between_variance(comparison)
     for i in range(len(layout.per_flight) if layout.flights > 1 else 0):
         each = slice(len(layout.shared) + i, None, len(layout.per_flight))
         beyond = np.var(z[each], ddof=1) - np.mean(np.diag(covariances[1])[each])
@@ -402,7 +258,7 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
     covariances = [c + np.diag(between) for c in covariances]
     # The gradients of flights at the common estimate hold the differences between them.
     if len(parts) >= LEAST_FLIGHTS:
-        covariances.append(_sandwich(inverse, np.stack([part.gradient for part in parts])))
+        covariances.append(sandwich(inverse, prior, np.stack([part.gradient for part in parts])))
     # Whatever flights leave, vehicles lie as the prior says.
     return Estimate(
         layout, z, tuple(map(_not_above_the_prior, covariances)), information, agreement
@@ -413,21 +269,6 @@ def _not_above_the_prior(covariance: np.ndarray) -> np.ndarray:
     """Return the covariance (k, k) of z with no deviation above that of the prior, 1."""
     known = np.minimum(1.0 / np.sqrt(np.diag(covariance)), 1.0)
     return covariance * np.outer(known, known)
-
-
-def _sandwich(inverse: np.ndarray, scores: np.ndarray, few: float | None = None) -> np.ndarray:
-    """Return the covariance (k, k) with independent scores (c, k).
-
-    Args:
-        inverse: (k, k) of the information with that of the prior.
-        few: by which deviations are wider [1]; default: by Student's t for the number of scores.
-    Source: White 1982; the prior counts as data.
-    """
-    count = max(len(scores), 2)
-    apart = scores - scores.mean(axis=0)
-    few = _student(count - 1) if few is None else few
-    middle = few**2 * apart.T @ apart * count / (count - 1) + np.eye(len(inverse))
-    return inverse @ middle @ inverse
 
 
 @dc.dataclass(frozen=True)
@@ -442,72 +283,56 @@ class _Part:
 
 
 def _descend(
-    models: Sequence[FlightModel], layout: Layout, z: np.ndarray, whitenings: Sequence[Whitening]
+    models: Sequence[FlightModel], layout: Layout, z: np.ndarray, noises: Sequence[RobustNoise]
 ) -> tuple[np.ndarray, list[_Part]]:
-    """Return the minimum of the cost with these filters, and the flights' shares in the equations
+    """Return the minimum of the cost with these noises, and the flights' shares in the equations
     there.
 
-    Without damping at first, unlike `minimise` of the diagnosis: coordinates that look the same are
-    told apart by the prior alone, to which any damping by the size of their information is large.
+    Without damping at first: coordinates that look the same are told apart by the prior alone, to
+    which any damping by the size of their information is large.
     """
-    flights = list(zip(models, whitenings, strict=True))
+    flights = list(enumerate(zip(models, noises, strict=True)))
 
-    def cost(at: np.ndarray) -> float:
-        apart = (
-            w.apply(m.residual(layout.values(at, number))) for number, (m, w) in enumerate(flights)
-        )
-        return 0.5 * float(at @ at) + sum(0.5 * float(np.sum(e**2)) for e in apart)
+    def residual(at: np.ndarray) -> np.ndarray:
+        parts = (w.whiten(m.residual(layout.values(at, i))).ravel() for i, (m, w) in flights)
+        return np.concatenate([*parts, at])
 
     def shares(at: np.ndarray) -> list[_Part]:
-        return [_part(m, layout, at, number, w) for number, (m, w) in enumerate(flights)]
+        return [_part(m, layout, at, i, w) for i, (m, w) in flights]
 
-    damping = 0.0
-    parts = shares(z)
-    before = cost(z)
-    for _ in range(GAUSS_NEWTON_STEPS):
-        H = sum(p.information for p in parts) + np.eye(layout.size)
-        g = sum(p.gradient for p in parts) + z
-        for _ in range(5):
-            step = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
-            step *= min(1.0, LARGEST / max(np.abs(step).max(), 1e-12))
-            new = np.clip(z + step, -BOUND, BOUND)
-            after = cost(new)
-            if after < before:
-                break
-            damping = max(10 * damping, 1e-3)
-        else:
-            break
-        z = new
-        before = after
-        damping = 0.1 * damping
-        parts = shares(new)
-        if np.abs(step).max() < SETTLED:
-            break
-    return z, parts
+    def normal(at: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        parts = shares(at)
+        information = np.sum([p.information for p in parts], axis=0)
+        return information + np.eye(layout.size), np.sum([p.gradient for p in parts], axis=0) + at
+
+    bound = np.full(layout.size, BOUND)
+    best = minimise(
+        residual, normal, z, -bound, bound, GAUSS_NEWTON_STEPS, damping=0.0, longest=LARGEST
+    )
+    return best.z, shares(best.z)
 
 
 def _part(
-    model: FlightModel, layout: Layout, z: np.ndarray, number: int, whitening: Whitening
+    model: FlightModel, layout: Layout, z: np.ndarray, number: int, noise: RobustNoise
 ) -> _Part:
     """Return the share of one flight in the normal equations."""
     e = model.residual(layout.values(z, number))
     indices = layout.indices(number)
-    J = np.empty((len(indices), *e.shape))
+    columns = np.empty((*e.shape, len(indices)))
     for column, i in enumerate(indices):
         moved = z.copy()
         moved[i] += DIFFERENCE_STEP
-        J[column] = whitening.apply(
-            (model.residual(layout.values(moved, number)) - e) / DIFFERENCE_STEP
-        )
-    each = np.einsum("kmc,mc->mk", J, whitening.apply(e))
+        columns[..., column] = (model.residual(layout.values(moved, number)) - e) / DIFFERENCE_STEP
+    J = noise.whiten(columns)
+    each = np.einsum("mck,mc->mk", J, noise.whiten(e))
     rows = max(1, round(SCORE_BLOCK / model.flight.step))
     blocks = np.add.reduceat(each, np.arange(0, len(each), rows))
     k = layout.size
     information = np.zeros((k, k))
     gradient = np.zeros(k)
     scores = np.zeros((len(blocks), k))
-    flat = J.reshape(len(indices), -1)
-    information[np.ix_(indices, indices)] = flat @ flat.T
+    flat = J.reshape(-1, len(indices))
+    information[np.ix_(indices, indices)] = flat.T @ flat
     gradient[indices] = each.sum(axis=0)
     scores[:, indices] = blocks
     return _Part(gradient, information, scores)
@@ -544,8 +369,8 @@ def _agreement(
     for number, part in enumerate(parts):
         indices = layout.indices(number)
         moved, inverse = _alone(part, layout, alone[number], number)
-        sandwich = _sandwich(inverse, part.scores[:, indices], 1.0)
-        variance = np.maximum(np.diag(sandwich), np.diag(inverse))[:n]
+        robust = sandwich(inverse, np.eye(len(indices)), part.scores[:, indices], 1.0)
+        variance = np.maximum(np.diag(robust), np.diag(inverse))[:n]
         observable = variance < 0.25
         free = variance / np.maximum(1.0 - variance, 1e-9)  # of the prior
         values[number] = np.where(observable, moved[:n] * free / variance, np.nan)

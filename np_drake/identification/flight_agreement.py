@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
-from np_drake.identification.estimation import Agreement, random_effect
+from np_drake.estimation.map_fit import Agreement, random_effect
 from np_drake.identification.identify import Identification
 from np_drake.identification.model import Values
 from np_drake.identification.quantities import OBSERVABLE_RATIO, Z_975, Basis, Identified, Quantity

@@ -18,8 +18,8 @@ from diagrams.identification_page import (
     summary,
     write_page,
 )
+from np_drake.estimation.map_fit import Agreement
 from np_drake.files.number_text import NBSP
-from np_drake.identification.estimation import Agreement
 from np_drake.identification.flight_agreement import flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
 from np_drake.identification.identify import identify

@@ -9,7 +9,6 @@ import numpy as np
 from diagrams.evidence.challenge.case import FILES, OUT_OF_LIBRARY, Case
 from np_drake.diagnosis.calibration import file_errors, flight_errors
 from np_drake.diagnosis.forward_model import NEVER, Stages, Term, predicted_residual
-from np_drake.diagnosis.numerics import fit_noise
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import (
     Candidate,
@@ -24,6 +23,7 @@ from np_drake.diagnosis.selection.payload_search import payload_about, payload_o
 from np_drake.effects.base import Effect
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
+from np_drake.estimation.noise import fit_noise
 from np_drake.flight_log import FlightLog
 
 TRUTH_FILE = "truth.json"

@@ -17,9 +17,10 @@ from np_drake.diagnosis.calibration import errors_of, of_flight, of_vehicle, veh
 from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, read, scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER, STATE, Term, predicted_residual, with_dependants
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
+from np_drake.estimation.noise import NoiseModel
+from np_drake.estimation.regression import Gram
 from np_drake.files.number_text import number
 
 LENGTH = 1.5  # of a block [s]

@@ -21,7 +21,6 @@ import scipy
 from np_drake.diagnosis.fitting import CORRELATED_BLOCK, prior_whitening, scaled_jacobian
 from np_drake.diagnosis.forward_model import has_swing, predicted_residual, with_dependants
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.numerics import NoiseModel, places
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, generic_candidates, prior_of
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
@@ -29,6 +28,8 @@ from np_drake.diagnosis.result import CHANNELS, Cause, Remainder, ResidualFindin
 from np_drake.diagnosis.selection import Ranking
 from np_drake.diagnosis.slow_force import gust_probability
 from np_drake.effects.gusty_wind import GustyWind
+from np_drake.estimation.noise import NoiseModel
+from np_drake.estimation.regression import places
 from np_drake.files.number_text import measure
 
 

@@ -23,7 +23,6 @@ from np_drake.diagnosis.doctor.flight_facts import (
     law_findings,
 )
 from np_drake.diagnosis.gap import excitation, excited, manoeuvre, tells_apart
-from np_drake.diagnosis.numerics import Gram, NoiseModel, scale_only
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import (
     DRAG,
@@ -50,6 +49,8 @@ from np_drake.diagnosis.selection.payload_search import payload_about, payload_o
 from np_drake.effects.base import Effect, Parameter, correlation_root, usual_size
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, REQUIREMENTS, effect_of, effects_for
+from np_drake.estimation.noise import NoiseModel, scale_only
+from np_drake.estimation.regression import Gram
 from np_drake.files.file_access import plain
 from np_drake.files.number_text import number
 from np_drake.finding import Finding, Kind, Place, joined, shown_at

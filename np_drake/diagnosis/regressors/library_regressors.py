@@ -13,12 +13,12 @@ import numpy as np
 import scipy
 
 from np_drake.diagnosis.forward_model import Stages, Term, predicted_residual
-from np_drake.diagnosis.numerics import fit_noise
 from np_drake.diagnosis.options import IDEAL_SENSORS, PRIOR_SPREAD, Options, Tolerance
 from np_drake.diagnosis.residuals import QUIET, FlightResiduals
 from np_drake.effects import ClockOffset, ConstantWind, LinearDrag, SuspendedPayload, ThrustScale
 from np_drake.effects.base import Effect, prior_root, usual_size
 from np_drake.effects.library import LIBRARY, effect_of, effects_for, unobservable
+from np_drake.estimation.noise import fit_noise
 
 DRAG = LinearDrag.identifier  # the effect through which winds act
 WIND = ConstantWind.identifier

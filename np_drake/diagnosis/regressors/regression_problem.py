@@ -11,11 +11,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake.diagnosis.forward_model import NEVER
-from np_drake.diagnosis.numerics import Gram, NoiseModel, places
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors.library_regressors import LINEAR, Candidate
 from np_drake.diagnosis.residuals import SIZE, FlightResiduals
 from np_drake.effects.library import LIBRARY, effect_of
+from np_drake.estimation.noise import NoiseModel
+from np_drake.estimation.regression import Gram, places
 
 
 def prior_of(identifiers: Iterable[str], priors: Priors) -> float:

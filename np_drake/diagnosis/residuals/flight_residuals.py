@@ -8,7 +8,6 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.checks import require
-from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.residuals.resampling import (
     GRID_STEP,
     TAPS,
@@ -25,6 +24,8 @@ from np_drake.diagnosis.residuals.smoothing import (
     velocity_before,
 )
 from np_drake.effects.base import Effect
+from np_drake.estimation.noise import NoiseModel
+from np_drake.estimation.regression import Gram
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.signals import Signal
 from np_drake.rigid_body import Q, V, W

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER
-from np_drake.diagnosis.numerics import places, scale_only
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
     Candidate,
@@ -31,6 +30,8 @@ from np_drake.diagnosis.selection.payload_search import AT_REST, PayloadSearch, 
 from np_drake.effects.library import effect_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.estimation.noise import scale_only
+from np_drake.estimation.regression import places
 
 COARSE = 5  # rows between instants that are tried at first
 ONSET_EDGE = 0.7  # from either end of a flight, without onsets [s]

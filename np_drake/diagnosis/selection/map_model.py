@@ -15,14 +15,6 @@ import scipy
 from np_drake.diagnosis.calibration import calibrated_alone, nuisance_of
 from np_drake.diagnosis.fitting import Fit, first_fit, greatest_height, impossible, refit, restart
 from np_drake.diagnosis.forward_model import NEVER, predicted_residual
-from np_drake.diagnosis.numerics import (
-    NoiseModel,
-    fit_noise,
-    no_worse,
-    places,
-    scale_only,
-    with_loudness,
-)
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
@@ -47,6 +39,8 @@ from np_drake.diagnosis.selection.change_point import (
 )
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.effects.library import effect_of
+from np_drake.estimation.noise import NoiseModel, fit_noise, no_worse, scale_only, with_loudness
+from np_drake.estimation.regression import places
 
 
 def condition(

@@ -26,7 +26,6 @@ from np_drake.diagnosis.forward_model import (
     swing_units,
     swing_wrenches,
 )
-from np_drake.diagnosis.numerics import Gram, NoiseModel, places
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import PAYLOAD, Candidate, Onset
 from np_drake.diagnosis.regressors.library_regressors import Mended
@@ -34,6 +33,8 @@ from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals,
 from np_drake.diagnosis.swing_fit import SMALL, WIDEST
 from np_drake.effects import SuspendedPayload
 from np_drake.effects.library import LIBRARY
+from np_drake.estimation.noise import NoiseModel
+from np_drake.estimation.regression import Gram, places
 
 # that a guess may have [m]
 LONGEST_TETHER = 30.0

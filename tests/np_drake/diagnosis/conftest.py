@@ -15,7 +15,6 @@ from np_drake import attitude
 from np_drake.diagnosis.diagnose import Inference, conclude
 from np_drake.diagnosis.fitting import Fit, free_parameters, read
 from np_drake.diagnosis.forward_model import Term
-from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.selection import Ranking, find_map_model, rank_models
@@ -23,6 +22,7 @@ from np_drake.diagnosis.selection.payload_search import SEARCH_LENGTHS
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.estimation.noise import NoiseModel, fit_noise
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 from tests.np_drake.diagnosis import simulated_flights

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.identification.estimation import Agreement
+from np_drake.estimation.map_fit import Agreement
 from np_drake.identification.flight_agreement import outlying
 
 

@@ -17,9 +17,9 @@ from np_drake.diagnosis.doctor.examine import (
     smallest_sizes,
     traces,
 )
-from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.effects.library import LIBRARY, REQUIREMENTS, effects_for, unobservable
+from np_drake.estimation.noise import NoiseModel
 from np_drake.rotor_input import rotor_speed, with_rotor_input
 from np_drake.vehicle import Vehicle
 

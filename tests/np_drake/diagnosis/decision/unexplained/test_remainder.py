@@ -10,10 +10,10 @@ import pytest
 from np_drake.diagnosis.decision import unexplained as dut
 from np_drake.diagnosis.decision.unexplained import Indication
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.numerics import scale_only
 from np_drake.diagnosis.options import Materiality, Options, Tolerance
 from np_drake.diagnosis.residuals import FORCE, make_flight_residuals
 from np_drake.diagnosis.result import ResidualFinding
+from np_drake.estimation.noise import scale_only
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()

@@ -1,19 +1,13 @@
-"""Numerical methods that know nothing of flights: noise model, regression, Gauss-Newton.
+"""Autoregressive noise of the channels of flights, and whitening by it.
 
-Noise: each channel follows e_k = sum_i phi_i e_(k-i) + n_k, with innovations n ~ N(0, Sigma) that
-are correlated across channels. Least squares on whitened channels is generalised least squares.
-Regression: y = X c + n, n white with unit variance, c ~ N(0, 1) for each column, which carries the
-scale of the prior. log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1 and
-b = X'y.
-Gauss-Newton: damped, within bounds, on the normal equations of tall problems with costly
-evaluations; own choice over scipy's trust region, which decomposes the Jacobian at every step.
-Source: Yule-Walker equations (noise; the order is own choice); standard (regression).
+Each channel follows e_k = sum_i phi_i e_(k-i) + n_k, with innovations n ~ N(0, Sigma) that are
+correlated across channels. Least squares on whitened channels is generalised least squares.
+Source: Yule-Walker equations; the order is own choice.
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -227,14 +221,15 @@ def fit_noise(
     rms[rms**2 < ACTIVE] = 0.0
     for c in np.flatnonzero(rms):
         lags = (
-            sum((_autocovariance(r[:, c]) for r in [*residuals, *smear]), np.zeros(NOISE_ORDER + 1))
+            sum(
+                (autocovariance(r[:, c], NOISE_ORDER) for r in [*residuals, *smear]),
+                np.zeros(NOISE_ORDER + 1),
+            )
             / total
         )
         lags += drift[c]
         lags[0] = (1 + RIDGE) * lags[0] + sudden[c]
-        # Yule-Walker: the autocovariances at lags 0 … p solve for phi, by Levinson's recursion.
-        phi[c] = scipy.linalg.solve_toeplitz(lags[:-1], lags[1:])
-        innovation[c] = lags[0] - phi[c] @ lags[1:]
+        phi[c], innovation[c] = yule_walker(lags)
     plain = NoiseModel(phi, np.eye(channels), rms, innovation, step)
     driven = np.concatenate([plain.whiten(r) for r in [*residuals, *smear]])
     rows = total - NOISE_ORDER * len(residuals)
@@ -250,177 +245,81 @@ def fit_noise(
     return dc.replace(plain, mixing=mixing)
 
 
-def _autocovariance(e: np.ndarray) -> np.ndarray:
-    """Return the sums of lagged products (`NOISE_ORDER` + 1,) of e (n,)."""
-    return scipy.signal.correlate(e, e, method="fft")[len(e) - 1 :][: NOISE_ORDER + 1]
+def autocovariance(e: np.ndarray, order: int) -> np.ndarray:
+    """Return the sums of lagged products (`order` + 1,) of e (n,)."""
+    return scipy.signal.correlate(e, e, method="fft")[len(e) - 1 :][: order + 1]
 
 
-def places(sizes: Iterable[int], first: int = 0) -> list[slice]:
-    """Return the places of groups of columns that follow one another, from column `first` on."""
-    return [slice(*ends) for ends in pairwise(np.cumsum([first, *sizes]).tolist())]
+def yule_walker(lags: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the coefficients (p,) of the autoregressive process with these autocovariances
+    (p + 1,), and the variance of its innovations.
+    """
+    phi = scipy.linalg.solve_toeplitz(lags[:-1], lags[1:])  # Levinson's recursion
+    return phi, float(lags[0] - phi @ lags[1:])
 
 
-AT_ONCE = 200_000  # matrix entries of the sets that are solved together
+ROBUST_ORDER = 16  # of the noise of one flight; own choice: 0.16 s at 100 Hz
+OUTLYING = 3.0  # standard deviations from which a whitened residual counts less; Huber's bend
+# noise below which no channel is [m/s², rad/s², 1]; source: sensors have ten times as much
+LEAST_NOISE = 1e-4
+# from which it does not count; own choice: a Gaussian has none in a thousand years of flight
+IMPOSSIBLE = 8.0
 
 
 @dc.dataclass(frozen=True)
-class Gram:
-    """Statistics of a regression on which its posterior depends: X'X (k, k) and X'y (k,)."""
+class RobustNoise:
+    """Noise of one flight whose channels are independent, with a weight of every row.
 
-    XX: np.ndarray
-    Xy: np.ndarray
+    weight: (m, c) square root of Huber's weights over the deviation; zero where rows do not count.
+    """
 
-    def __add__(self, other: "Gram") -> "Gram":
-        return Gram(self.XX + other.XX, self.Xy + other.Xy)
+    noise: NoiseModel
+    weight: np.ndarray
 
-    def tempered(self, temperature: float) -> "Gram":
-        """Return the statistics as if the noise had `temperature` times its variance."""
-        return Gram(self.XX / temperature, self.Xy / temperature)
-
-    def given(self, n: int) -> "Gram":
-        """Return the statistics of the other columns when every model holds the first n.
-
-        The log evidence of a set together with the first n is that of the set here plus that of the
-        n alone; the posterior of its coefficients is the same.
-        """
-        # Block elimination: the Schur complement of the first n columns is the Gram matrix of what
-        # they leave.
-        factor = np.linalg.cholesky(self.XX[:n, :n] + np.eye(n))
-        B = np.linalg.solve(factor, self.XX[:n, n:])
-        b = np.linalg.solve(factor, self.Xy[:n])
-        return Gram(self.XX[n:, n:] - B.T @ B, self.Xy[n:] - B.T @ b)
-
-    def log_evidence(self, index: np.ndarray) -> float:
-        """Return the log evidence of the columns `index`, less that of the empty model [nat]."""
-        factor = np.linalg.cholesky(self.XX[index[:, None], index] + np.eye(len(index)))
-        b = scipy.linalg.solve_triangular(factor, self.Xy[index], lower=True, check_finite=False)
-        return float(0.5 * b @ b - np.log(factor.diagonal()).sum())
-
-    def evidence_of_sets(
-        self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]
-    ) -> np.ndarray:
-        """Return the log evidence (n,) of n sets of column groups, less that of the empty model
-        [nat].
+    @classmethod
+    def of(
+        cls, e: np.ndarray, good: np.ndarray, step: float, order: int = ROBUST_ORDER
+    ) -> "RobustNoise":
+        """Return the noise that residuals show.
 
         Args:
-            sets: for each set, the column indices of its groups.
-            wide: for each set, by group, whether its prior may widen to the size of its estimate.
-        Source: local empirical Bayes (Liang et al. 2008, Mixtures of g priors); one width for each
-            group, at least 1.
+            e: (m, c) residuals.
+            good: (m,) rows that count.
+            step: sample interval [s].
         """
-        evidence = np.zeros(len(sets))
-        for same_size in _alike([sum(map(len, groups)) for groups in sets]):
-            evidence[same_size] = self._evidence(
-                [sets[i] for i in same_size], [wide[i] for i in same_size]
-            )
-        return evidence
+        # A constant is what parameters are to explain, not noise.
+        deviation = np.where(good[:, None], e - (e[good].mean(axis=0) if good.any() else 0.0), 0.0)
+        usual = _usual(deviation[good])
+        bounded = np.clip(deviation, -IMPOSSIBLE * usual, IMPOSSIBLE * usual)
+        variance = np.sum(bounded**2, axis=0) / max(int(good.sum()), 1)
+        phi = np.zeros((len(variance), order))
+        innovation = np.where(variance > 0, variance, 1.0)
+        for c in np.flatnonzero(variance):
+            lags = autocovariance(bounded[:, c], order) / max(int(good.sum()), 1)
+            lags[0] *= 1.0 + 1e-9
+            phi[c], innovation[c] = yule_walker(lags)
+            innovation[c] = max(innovation[c], 1e-12 * lags[0])
+        scale = 1.0 / np.sqrt(innovation)
+        noise = NoiseModel(phi, np.diag(scale), np.sqrt(variance), innovation, step)
+        reach = np.convolve(~good, np.ones(order + 1))[: len(good)]
+        kept = (reach < 0.5) & (np.arange(len(good)) >= order)
+        size = np.abs(cls(noise, np.where(kept[:, None], 1.0, np.zeros(e.shape))).whiten(deviation))
+        spread = np.maximum(_usual(size[kept]), LEAST_NOISE * scale)
+        ratio = size / spread
+        weight = np.sqrt(np.minimum(1.0, OUTLYING / np.maximum(ratio, 1e-12))) / spread
+        return cls(noise, np.where(kept[:, None] & (ratio <= IMPOSSIBLE), weight, 0.0))
 
-    def _evidence(
-        self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]
-    ) -> np.ndarray:
-        """Return the log evidence (n,) of sets that all have k columns."""
-        index = np.stack([np.concatenate(groups) for groups in sets])
-        XX = self.XX[index[:, :, None], index[:, None, :]]
-        Xy = self.Xy[index]
-        one = np.eye(index.shape[1])
-        mean = np.linalg.solve(XX + one, Xy[..., None])[..., 0]
-        counts = np.array([len(g) for groups in sets for g in groups])
-        group = np.repeat(np.arange(len(counts)), counts)
-        size = np.sqrt(np.bincount(group, mean.ravel() ** 2, len(counts)) / np.maximum(counts, 1))
-        size = np.where(np.concatenate(wide), np.maximum(size, 1.0), 1.0)
-        width = np.repeat(size, counts).reshape(mean.shape)
-        factor = np.linalg.cholesky(XX * width[:, :, None] * width[:, None, :] + one)
-        b = np.linalg.solve(factor, (Xy * width)[..., None])[..., 0]
-        logdet = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        return 0.5 * np.sum(b**2, axis=1) - logdet
+    def whiten(self, values: np.ndarray) -> np.ndarray:
+        """Return whitened channels (m, c, ...), zero where rows do not count.
 
-    def posterior(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the posterior mean (k,) and covariance (k, k) of the coefficients of the columns
-        `index`.
+        Args:
+            values: (m, c, ...) channels, or columns in these channels.
         """
-        return self.posteriors([index])[0]
-
-    def posteriors(self, indices: Sequence[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return `posterior` for each of many sets of columns."""
-        results = [(np.zeros(0), np.zeros((0, 0)))] * len(indices)
-        for same_size in _alike([len(index) for index in indices]):
-            index = np.stack([indices[i] for i in same_size])
-            covariance = np.linalg.inv(
-                self.XX[index[:, :, None], index[:, None, :]] + np.eye(index.shape[1])
-            )
-            means = (covariance @ self.Xy[index][..., None])[..., 0]
-            for i, mean, covariance_i in zip(same_size, means, covariance, strict=True):
-                results[i] = (mean, covariance_i)
-        return results
+        out = np.zeros(values.shape)
+        out[self.noise.phi.shape[1] :] = self.noise.whiten(values)
+        return out * self.weight.reshape(*self.weight.shape, *[1] * (values.ndim - 2))
 
 
-def _alike(sizes: Sequence[int]) -> Iterator[np.ndarray]:
-    """Yield positions of nonempty sets of equal size, at most `AT_ONCE` matrix entries at a
-    time.
-    """
-    for size in set(sizes) - {0}:
-        same = np.flatnonzero(np.equal(sizes, size))
-        most = max(1, AT_ONCE // size**2)
-        yield from (same[first : first + most] for first in range(0, len(same), most))
-
-
-TRIES = 4  # damping values tried in one iteration
-DONE = 0.1  # change of the cost that ends the descent; costs are negative log likelihoods [nat]
-
-
-@dc.dataclass(frozen=True)
-class Minimum:
-    """Result of `minimise`: z (n,), cost 1/2 |r|², information J'J (n, n) and residual (m,) at
-    z.
-    """
-
-    z: np.ndarray
-    cost: float
-    information: np.ndarray
-    residual: np.ndarray
-
-
-def minimise(
-    residual: Callable[[np.ndarray], np.ndarray],
-    normal: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
-    start: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    iterations: int = 8,
-) -> Minimum:
-    """Minimise 1/2 |r(z)|² within bounds, from `start`.
-
-    Args:
-        residual: maps z (n,) to r (m,).
-        normal: maps z and r(z) to J'J (n, n) and J'r (n,), with J = dr/dz; the last one is taken to
-            hold at the minimum, which is no more than `DONE` away.
-        start: (n,) initial parameters.
-        lower: (n,) lower bounds.
-        upper: (n,) upper bounds.
-    """
-    z = start
-    r = residual(start)
-    cost = 0.5 * float(r @ r)
-    damping = 1e-3
-    for _ in range(iterations):
-        H, g = normal(z, r)
-        free = ~(((z <= lower) & (g > 0)) | ((z >= upper) & (g < 0)))
-        before = cost
-        for _ in range(TRIES):
-            step = np.zeros_like(z)
-            A = H[np.ix_(free, free)]
-            # Levenberg-Marquardt: (H + damping diag H) step = -g, more damping where a step fails.
-            step[free] = -np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-9), g[free])
-            new = np.clip(z + step, lower, upper)
-            r_new = residual(new)
-            cost_new = 0.5 * float(r_new @ r_new)
-            if cost_new < cost:
-                z = new
-                r = r_new
-                cost = cost_new
-                damping = damping / 10
-                break
-            damping *= 10
-        if before - cost < DONE:  # the information of the last step still holds
-            return Minimum(z, cost, H, r)
-    return Minimum(z, cost, normal(z, r)[0], r)
+def _usual(values: np.ndarray) -> np.ndarray:
+    """Return the deviation (c,) of values (m, c) by the median of their sizes; 1 of none."""
+    return np.median(np.abs(values), axis=0) / 0.6745 if len(values) else np.ones(values.shape[1])

@@ -1,0 +1,1 @@
+"""Estimation: noise, regression and fit, which identification and diagnosis share."""
