@@ -19,7 +19,7 @@ from np_drake import attitude
 from np_drake.diagnosis.effect_prior import ROTOR_NUMBERS, EffectPrior, columns_of, file_priors
 from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import FREEDOM, HALF_WIDTH_95, PRIOR_SPREAD, Priors, Tolerance
+from np_drake.diagnosis.options import HALF_WIDTH_95, Priors, Tolerance
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
 from np_drake.diagnosis.regressors.library_regressors import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
@@ -49,6 +49,7 @@ from np_drake.effects import (
 from np_drake.effects.base import ActuatorEffect, Effect, Parameter, SensorEffect, arm, departure
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.library import CHANGES
+from np_drake.estimation.priors import FREEDOM, HEALTHY, stated
 from np_drake.files.number_text import number
 from np_drake.logs.importing.signals import Signal
 from np_drake.logs.inputs import hover_exponent, voltage_of
@@ -77,24 +78,21 @@ def of_vehicle(flight: FlightResiduals, tolerance: Tolerance) -> list[EffectPrio
     if not tolerance.unmeasured:
         return []
 
-    def stated(field: str, usual: float, *place: int) -> float:
-        known = vehicle.known_within(field, *place)
-        return usual if known is None else max(known, 1e-3 * usual)
-
-    clock = PRIOR_SPREAD.rotor_speed_time if flight.measured_rotors else PRIOR_SPREAD.command_time
+    known = partial(stated, vehicle)
+    clock = HEALTHY.rotor_speed_time if flight.measured_rotors else HEALTHY.command_time
     published = published_priors()
     inertia = published.rotor_inertia.median * mass * span**2
     # Of moments of inertia a gain of the torque has all but the gyroscopic torque.
     moments = {
-        p.name: stated("inertia", published.inertia.deviation * J, i, i) / J
+        p.name: known("inertia", published.inertia.deviation * J, i, i) / J
         for i, (p, J) in enumerate(zip(InertiaError.parameters, vehicle.J.diagonal(), strict=True))
     }
-    center = [span * PRIOR_SPREAD.center_of_mass] * 2 + [span * PRIOR_SPREAD.center_of_mass_height]
+    center = [span * HEALTHY.center_of_mass] * 2 + [span * HEALTHY.center_of_mass_height]
     effect_priors = [
         *(
             EffectPrior(
                 WeakRotor,
-                {"efficiency": stated("calibration.rotor_gains", PRIOR_SPREAD.rotor_gain, i)},
+                {"efficiency": known("calibration.rotor_gains", HEALTHY.rotor_gain, i)},
                 rotor,
             )
             for i, rotor in enumerate({"rotor": number} for number in ROTOR_NUMBERS)
@@ -102,40 +100,38 @@ def of_vehicle(flight: FlightResiduals, tolerance: Tolerance) -> list[EffectPrio
         EffectPrior(
             CenterOfMassOffset,
             {
-                axis: stated("calibration.center_of_mass", center[i], i)
+                axis: known("calibration.center_of_mass", center[i], i)
                 for i, axis in enumerate("xyz")
             },
         ),
-        EffectPrior(MixerGain, dict.fromkeys(AXES, PRIOR_SPREAD.torque_gain)),
+        EffectPrior(MixerGain, dict.fromkeys(AXES, HEALTHY.torque_gain)),
         EffectPrior(InertiaError, moments),
-        EffectPrior(BladeFlapping, {"moment": PRIOR_SPREAD.flapping * mass * span}),
-        EffectPrior(TranslationalLift, {"lift": PRIOR_SPREAD.lift * mass}),
+        EffectPrior(BladeFlapping, {"moment": HEALTHY.flapping * mass * span}),
+        EffectPrior(TranslationalLift, {"lift": HEALTHY.lift * mass}),
         EffectPrior(
-            RotorGyroscopic, {"rotor_inertia": stated("calibration.rotor_inertia", inertia)}
+            RotorGyroscopic, {"rotor_inertia": known("calibration.rotor_inertia", inertia)}
         ),
-        EffectPrior(ClockOffset, {"offset": stated("calibration.clock_offset", clock)}),
+        EffectPrior(ClockOffset, {"offset": known("calibration.clock_offset", clock)}),
     ]
     if "attitude" not in flight.log.lacks:
         tilt = {
-            axis: stated("calibration.imu_tilt", PRIOR_SPREAD.mounting, i)
-            for i, axis in enumerate(AXES)
+            axis: known("calibration.imu_tilt", HEALTHY.mounting, i) for i, axis in enumerate(AXES)
         }
         effect_priors += [
             EffectPrior(ImuMounting, tilt),
-            EffectPrior(AttitudeLatency, {"latency": PRIOR_SPREAD.latency}),
+            EffectPrior(AttitudeLatency, {"latency": HEALTHY.latency}),
         ]
     if flight.log.a is not None:
         effect_priors.append(
-            EffectPrior(AccelerometerBias, dict.fromkeys("xyz", PRIOR_SPREAD.accelerometer_offset))
+            EffectPrior(AccelerometerBias, dict.fromkeys("xyz", HEALTHY.accelerometer_offset))
         )
     if not flight.measured_rotors:
         effect_priors.append(
             EffectPrior(
-                CommandDelay,
-                {"delay": stated("calibration.command_delay", PRIOR_SPREAD.command_time)},
+                CommandDelay, {"delay": known("calibration.command_delay", HEALTHY.command_time)}
             )
         )
-        lags = PRIOR_SPREAD.lags if "rotor_time_constant" not in vehicle.intervals else ()
+        lags = HEALTHY.lags if "rotor_time_constant" not in vehicle.intervals else ()
         effect_priors += [
             EffectPrior(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags
         ]
@@ -166,12 +162,7 @@ def of_flight(flight: FlightResiduals, tolerance: Tolerance) -> list[EffectPrior
     """Return by what a flight differs from the others of its vehicle: sensors, and for an
     unmeasured vehicle trim.
     """
-    usual = (
-        PRIOR_SPREAD.accelerometer,
-        PRIOR_SPREAD.tilt,
-        PRIOR_SPREAD.gyro,
-        PRIOR_SPREAD.velocity,
-    )
+    usual = (HEALTHY.accelerometer, HEALTHY.tilt, HEALTHY.gyro, HEALTHY.velocity)
     effect_priors = []
     for effect, least in zip(SENSORS, usual, strict=True):
         error = max(tolerance.of(effect), least * tolerance.unmeasured)
@@ -180,22 +171,20 @@ def of_flight(flight: FlightResiduals, tolerance: Tolerance) -> list[EffectPrior
     if not tolerance.unmeasured:
         return [*effect_priors, *of_battery(flight)]
     effect_priors += [
-        EffectPrior(WeakRotor, {"efficiency": PRIOR_SPREAD.rotor_trim}, {"rotor": i})
+        EffectPrior(WeakRotor, {"efficiency": HEALTHY.rotor_trim}, {"rotor": i})
         for i in ROTOR_NUMBERS
     ]
     if flight.earlier:
         # How much of the torque the motion hides goes with noise and liveliness of the flight: a
         # change since is told by what it shows.
         hidden = {axis: 1.0 - gain for axis, gain in zip(AXES, flight.torque_gain, strict=True)}
-        share = {
-            axis: PRIOR_SPREAD.torque_share * part for axis, part in hidden.items() if part > 0
-        }
+        share = {axis: HEALTHY.torque_share * part for axis, part in hidden.items() if part > 0}
         effect_priors += [EffectPrior(MixerGain, share)] if share else []
     return effect_priors + (
         of_battery(flight)
         or [
-            EffectPrior(BATTERY[0], {"scale": PRIOR_SPREAD.known_charge}),
-            EffectPrior(BATTERY[1], {"rate": PRIOR_SPREAD.known_sag}),
+            EffectPrior(BATTERY[0], {"scale": HEALTHY.known_charge}),
+            EffectPrior(BATTERY[1], {"rate": HEALTHY.known_sag}),
         ]
     )
 
@@ -207,8 +196,8 @@ def of_battery(flight: FlightResiduals) -> list[EffectPrior]:
     if flight.log.input != "normalised":
         return []
     volts = voltage_of(flight.log)
-    charge = PRIOR_SPREAD.unknown_charge
-    sag = PRIOR_SPREAD.sag
+    charge = HEALTHY.unknown_charge
+    sag = HEALTHY.sag
     known = flight.log.throttle_map
     away = 0.0
     if volts is not None and not (isinstance(known, PowerMap) and known.volts is None):
@@ -217,8 +206,8 @@ def of_battery(flight: FlightResiduals) -> list[EffectPrior]:
         fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(flight.log.t))
         usual = known.volts if isinstance(known, PowerMap) else float(np.median(volts))
         away = VOLTAGE_SCATTER * float(np.log(np.median(volts) / usual))
-        charge = PRIOR_SPREAD.charge
-        sag = float(np.hypot(PRIOR_SPREAD.known_sag, fall))
+        charge = HEALTHY.charge
+        sag = float(np.hypot(HEALTHY.known_sag, fall))
     if isinstance(known, PowerMap):
         # Flights that agree tell that thrust over throttle scatters less: inverse gamma.
         squares = FREEDOM * charge**2 + known.scatter
@@ -290,7 +279,7 @@ def vehicle_columns(
         leaning = np.zeros((*flight.y.shape, LEANING))
         slower = 1.0 - np.sqrt(np.maximum(flight.nominal[:, 2], 0.0) / flight.weight)
         columns[..., own_axis] *= slower[:, None, None]
-        leaning[:, 0, 0] = leaning[:, 1, 1] = PRIOR_SPREAD.mounting * flight.nominal[:, 2]
+        leaning[:, 0, 0] = leaning[:, 1, 1] = HEALTHY.mounting * flight.nominal[:, 2]
         return np.concatenate([columns, leaning], axis=-1)
 
     return [partial(columns_of, effect_priors=shared), of_air]
@@ -374,15 +363,15 @@ def drift_columns(flight: FlightResiduals) -> np.ndarray:
     Attitude and gyro drift, a battery sags and warms, trim changes: slower than the noise model
     remembers.
     """
-    count = max(2, round((flight.t[-1] - flight.t[0]) / PRIOR_SPREAD.drift_time) + 1)
+    count = max(2, round((flight.t[-1] - flight.t[0]) / HEALTHY.drift_time) + 1)
     hats = Signal(np.linspace(flight.t[0], flight.t[-1], count), np.eye(count)).linear(flight.t)
-    moment = PRIOR_SPREAD.torque_drift * flight.weight * arm(flight.vehicle)
-    level = PRIOR_SPREAD.tilt_drift * flight.weight
+    moment = HEALTHY.torque_drift * flight.weight * arm(flight.vehicle)
+    level = HEALTHY.tilt_drift * flight.weight
     # As much as a battery sags from knot to knot.
-    thrust = PRIOR_SPREAD.known_sag * PRIOR_SPREAD.drift_time * flight.weight
+    thrust = HEALTHY.known_sag * HEALTHY.drift_time * flight.weight
     out = np.zeros((*flight.y.shape, 6 * count))
     for channel, size in enumerate(
-        (level, level, thrust, moment, moment, PRIOR_SPREAD.yaw_drift * moment)
+        (level, level, thrust, moment, moment, HEALTHY.yaw_drift * moment)
     ):
         out[:, channel, channel * count : (channel + 1) * count] = size * hats
     return flight.known(out)

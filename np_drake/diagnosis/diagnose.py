@@ -55,7 +55,7 @@ from np_drake.diagnosis.gap import (
 )
 from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gusts
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
-from np_drake.diagnosis.options import PRIOR_SPREAD, Options, Tolerance
+from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.regressors import tolerance_of, with_input
 from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.report.words import headline
@@ -81,6 +81,7 @@ from np_drake.diagnosis.rotor_balance import compare_balance
 from np_drake.diagnosis.selection import Ranking, find_map_model, rank_models
 from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
+from np_drake.estimation.priors import HEALTHY
 from np_drake.estimation.regression import places
 from np_drake.files.number_text import NBSP, number
 from np_drake.finding import joined
@@ -430,7 +431,7 @@ def voltage_change(before: Sequence[FlightLog], since: Sequence[FlightLog]) -> t
     """
     was = usual_voltage(before)
     now = usual_voltage(since)
-    if was is None or now is None or VOLTAGE * abs(np.log(now / was)) < PRIOR_SPREAD.charge:
+    if was is None or now is None or VOLTAGE * abs(np.log(now / was)) < HEALTHY.charge:
         return ()
     return (
         f"battery: {number(was, 3)}{NBSP}V in the flights before, {number(now, 3)}{NBSP}V since",

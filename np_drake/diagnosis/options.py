@@ -153,58 +153,6 @@ class Thresholds:
 
 
 @dc.dataclass(frozen=True)
-class PriorSpread:
-    """Standard deviations of healthy vehicles and of their flights.
-
-    Source: the priors of the identification (`np_drake.identification.model`) where a field names
-    none.
-    """
-
-    # Of a vehicle about its file.
-    rotor_gain: float = 0.03  # thrust of one rotor [1]
-    center_of_mass: float = 0.05  # in the plane of the rotors [arm]
-    center_of_mass_height: float = 0.1  # [arm]
-    # Torque about each axis: rotors trim moments that no model has, sampled commands miss most of
-    # it, and arms, torque over thrust and inertia are known by their ratio [1]; source: the usual
-    # size of `mixer_gain`.
-    torque_gain: float = 0.5
-    flapping: float = 0.2  # moment against velocity [arm/s]
-    lift: float = 0.03  # thrust against velocity squared, over mass [1/m]
-    mounting: float = 0.02  # of the IMU against the rotors [rad]; source: one degree
-    # of any accelerometer [m/s²]; source: data sheet of the BMI088, 20 mg
-    accelerometer_offset: float = 0.2
-    latency: float = 0.01  # of attitude against velocity [s]
-    command_time: float = 0.01  # at which a command acts [s]
-    rotor_speed_time: float = 0.005  # at which measured rotor speed acts [s]
-    lags: tuple[float, ...] = 0.01, 0.03, 0.08  # of rotors, each of which may act whole or not [s]
-    # Of a flight about its vehicle.
-    # of the frame of the motion capture, or of an estimator [rad]; source: one degree
-    tilt: float = 0.02
-    gyro: float = 0.02  # bias [rad/s]
-    velocity: float = 0.02  # bias [m/s]
-    accelerometer: float = 0.1  # bias [m/s²]
-    torque_share: float = 0.5  # share of torque that motion hides, over its mean [1]
-    rotor_trim: float = 0.015  # thrust of one rotor, as a battery moves the centre of mass [1]
-    charge: float = 0.03  # thrust over throttle and voltage [1]
-    # Thrust over throttle, the voltage not known [1]; source: a cell at 3.6 to 4.1 V, thrust with
-    # its power 1.5.
-    unknown_charge: float = 0.06
-    known_charge: float = 0.01  # thrust over rotor speed, or over a command in newtons [1]
-    sag: float = 0.002  # rate of the thrust over throttle [1/s]
-    # over throttle and voltage, rotor speed or a command in newtons [1/s]
-    known_sag: float = 0.0005
-    # Slow changes within a flight.
-    drift_time: float = 5.0  # between independent values [s]
-    tilt_drift: float = 0.008  # of the attitude [rad]
-    torque_drift: float = 0.01  # about roll and pitch [weight times arm]
-    yaw_drift: float = 0.2  # about yaw, over that about roll [1]
-
-
-PRIOR_SPREAD = PriorSpread()
-FREEDOM = 2.0  # degrees of freedom of the prior of a variance between flights; own choice
-
-
-@dc.dataclass(frozen=True)
 class Options:
     """What a diagnosis is made with; change fields by `dataclasses.replace`."""
 

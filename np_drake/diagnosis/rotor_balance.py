@@ -7,7 +7,7 @@ in its reaction torque about yaw. Each hypothesis is a linear model of the m of 
 the vehicle has, what has changed in the later flights, and what each flight has of its own, with
 Gaussian priors. The variance between flights is not known, so that the evidence is that of
 Student's t.
-Source: Bayesian linear model with plug-in variances; deviations are those of `PriorSpread`.
+Source: Bayesian linear model with plug-in variances; deviations are those of `estimation.priors`.
 """
 
 import dataclasses as dc
@@ -16,10 +16,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import scipy
 
-from np_drake.diagnosis.options import FREEDOM, HALF_WIDTH_95, PRIOR_SPREAD, Options
+from np_drake.diagnosis.options import HALF_WIDTH_95, Options
 from np_drake.diagnosis.result import Cause, Estimate, ResidualFinding
 from np_drake.effects.base import arm
 from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.estimation.priors import FREEDOM, HEALTHY
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.inputs import hover_exponent
@@ -32,8 +33,6 @@ LEAST_BALANCE_BLOCKS = 5  # of a flight that tells a balance; own choice
 LOSS = 0.2  # deviation of the thrust that a rotor lost [1]; own choice: a cut or chipped blade
 # Deviation of torque over thrust of a damaged rotor [1]; source: it goes with the radius.
 TORQUE_RATIO = 0.15
-# Centre of mass of a flight against others [arm]; source: prior of the identification.
-SHIFT = 0.02
 NAME = WeakRotor.identifier
 ROTOR_NAMES = ("1", "2", "3", "4")
 EXPONENT = 0.2  # deviation of the power of input with which thrust goes, over it [1]; own choice
@@ -99,8 +98,8 @@ def hypotheses(vehicle: Vehicle, prior: float) -> dict[str, Hypothesis]:
     turn = 4 * axes[:, 2:]
     by_name = {
         "nothing": Hypothesis(np.zeros((3, 0)), np.zeros(0), 0.0),
-        "centre of mass": Hypothesis(level, np.full(2, PRIOR_SPREAD.center_of_mass), prior),
-        "yaw": Hypothesis(turn, np.full(1, PRIOR_SPREAD.rotor_gain), prior),
+        "centre of mass": Hypothesis(level, np.full(2, HEALTHY.center_of_mass), prior),
+        "yaw": Hypothesis(turn, np.full(1, HEALTHY.rotor_gain), prior),
     }
     for name, torque in zip(ROTOR_NAMES, B.T, strict=True):
         both = np.stack([torque, axes[2]], axis=1)
@@ -127,12 +126,12 @@ def weigh(
     late = np.arange(len(y)) >= len(before)
     squares = np.sum(B**2, axis=1)
     level = np.array([1.0, 1.0, 0.0])
-    usual = PRIOR_SPREAD.rotor_trim**2 * squares + (4 * SHIFT) ** 2 * level
+    usual = HEALTHY.rotor_trim**2 * squares + (4 * HEALTHY.center_of_mass_shift) ** 2 * level
     groups = [g for g in (before, after) if len(g)]
     within = sum((np.sum((g - g.mean(axis=0)) ** 2, axis=0) for g in groups), np.zeros(3))
     freedom = FREEDOM + n - len(groups)
     between = (FREEDOM * usual + within) / freedom
-    healthy = PRIOR_SPREAD.rotor_gain**2 * squares + (4 * PRIOR_SPREAD.center_of_mass) ** 2 * level
+    healthy = HEALTHY.rotor_gain**2 * squares + (4 * HEALTHY.center_of_mass) ** 2 * level
     base = np.kron(np.ones((n, n)), np.diag(healthy)) + np.kron(np.eye(n), np.diag(between))
     weighed = {}
     for name, h in hypotheses(vehicle, prior).items():

@@ -7,7 +7,7 @@ Source: Ljung, System Identification, ch. 7 (prediction errors).
 """
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -21,8 +21,15 @@ from np_drake.estimation.map_fit import (
     sandwich,
 )
 from np_drake.estimation.noise import RobustNoise
+from np_drake.estimation.priors import HEALTHY
 from np_drake.identification.model import FlightModel
 from np_drake.vehicle.published import LogNormal, published_priors
+from np_drake.vehicle.vehicle import (
+    THROTTLE_POWER,
+    THROTTLE_POWER_SCATTER,
+    VOLTAGE,
+    VOLTAGE_SCATTER,
+)
 
 
 @dc.dataclass(frozen=True)
@@ -56,73 +63,86 @@ ROTOR_SPEED = ("speed",)
 AIR = ("velocity",)
 
 
-def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
-    """Return the parameters of the model with their priors.
+def parameters(spin: float, step: float, parts: Collection[str] = ()) -> tuple[Parameter, ...]:
+    """Return the parameters of the model with their priors, which are those of `HEALTHY`.
 
     Lengths count in mean arms, inertia in mass times squared arm.
 
     Args:
         spin: rotor speed in hover, or an estimate [rad/s].
         step: between rows of the logs [s].
+        parts: what the logs hold, of `identify`.
     """
     known = published_priors()
     moment = known.inertia
     zz = moment.mean + np.log(1.0 + known.inertia_pitch.median) + known.inertia_yaw.mean
     momentum = dc.replace(known.rotor_inertia, mean=known.rotor_inertia.mean - zz + np.log(spin))
     imu = ("accelerometer",)
+    # A difference between two rotors and the two others is the mean of four.
+    gain = HEALTHY.rotor_gain / 2
+    plane = HEALTHY.center_of_mass
+    charge = HEALTHY.known_charge if {"speed", "newtons"} & {*parts} else HEALTHY.charge
+    bias = float(np.hypot(HEALTHY.accelerometer_offset, HEALTHY.accelerometer))
     return (
         # Thrust over mass, over that which hovers on the mean input.
         Parameter("scale", 0.0, 1.0, log=True),
         # Gains of the rotors against each other: left to right, front to rear, by direction.
-        *(Parameter(f"gain_{axis}", 0.0, 0.03) for axis in ("roll", "pitch", "yaw")),
-        *(Parameter(f"com_{axis}", 0.0, 0.05) for axis in "xyz"),
+        *(Parameter(f"gain_{axis}", 0.0, gain) for axis in ("roll", "pitch", "yaw")),
+        Parameter("com_x", 0.0, plane),
+        Parameter("com_y", 0.0, plane),
+        Parameter("com_z", 0.0, HEALTHY.center_of_mass_height),
         # Jxx of any vehicle; Jyy over it, with the variance that both share; Jzz over their sum,
         # which a flat vehicle reaches.
         _published("jxx", moment),
         _published("jyy", known.inertia_pitch),
         _published("jzz", known.inertia_yaw),
         # Products over the mean of jxx and jyy.
-        *(Parameter(name, 0.0, 0.03) for name in ("jxy", "jxz", "jyz")),
+        *(Parameter(name, 0.0, HEALTHY.product_of_inertia) for name in ("jxy", "jxz", "jyz")),
         # Torque over thrust of a rotor, over its radius.
         _published("torque", known.torque_lever),
         # Yaw of motors that lean, over their torque.
-        *(Parameter(f"lean_{axis}", 0.0, 0.2) for axis in "xy"),
+        *(Parameter(f"lean_{axis}", 0.0, HEALTHY.lean) for axis in "xy"),
         # Angular momentum of a rotor in hover, over jzz [rad/s].
         _published("rotor_momentum", momentum),
-        *(Parameter(f"imu_{axis}", 0.0, 0.2, needs=imu) for axis in "xyz"),
-        *(Parameter(f"tilt_{axis}", 0.0, 0.03, needs=imu) for axis in "xyz"),
+        *(Parameter(f"imu_{axis}", 0.0, HEALTHY.imu_position, needs=imu) for axis in "xyz"),
+        *(Parameter(f"tilt_{axis}", 0.0, HEALTHY.mounting, needs=imu) for axis in "xyz"),
         # What couples roll, pitch and yaw besides tilt and products of inertia.
-        *(Parameter(f"twist_{axis}", 0.0, 0.03) for axis in "xyz"),
+        *(Parameter(f"twist_{axis}", 0.0, HEALTHY.gyro_axes) for axis in "xyz"),
         # Force and moment against velocity, over mass [1/s, 1/s, 1/m, arms/s, arms/s].
-        *(Parameter(name, 0.15, 0.15, needs=AIR) for name in ("drag", "climb")),
-        Parameter("lift", 0.0, 0.1, needs=AIR),
-        *(Parameter(f"flap_{axis}", 0.0, 0.2, needs=AIR) for axis in "xy"),
+        *(Parameter(name, HEALTHY.drag, HEALTHY.drag, needs=AIR) for name in ("drag", "climb")),
+        Parameter("lift", 0.0, HEALTHY.lift, needs=AIR),
+        *(Parameter(f"flap_{axis}", 0.0, HEALTHY.flapping, needs=AIR) for axis in "xy"),
         # Times [s]: command to body, accelerometer after gyro, first-order lags. The accelerometer
         # averages over a window, of the interval of rows.
-        Parameter("delay", 0.005, 0.01, needs=MOTORS),
-        Parameter("force_late", 0.0, 0.005 + 0.3 * step),
+        Parameter("delay", 0.005, HEALTHY.command_time, needs=MOTORS),
+        Parameter("force_late", 0.0, HEALTHY.accelerometer_time + 0.3 * step),
         Parameter("window", 0.5, 0.3, needs=imu),
         _published("lag", known.time_constant, MOTORS),
         _published("lag_ratio", known.time_constant_down, MOTORS),
-        Parameter("curve", 0.2, 0.3, needs=("throttle",)),
-        Parameter("idle", 0.05, 0.04, needs=("throttle",)),
-        # Thrust over a collective command; a power of 1.5 ± 0.5 has these, as `logs.inputs` says.
-        Parameter("slope", 1.5, 0.5, needs=("collective",)),
+        Parameter("curve", 0.2, HEALTHY.linear_throttle, needs=("throttle",)),
+        Parameter("idle", 0.05, HEALTHY.idle, needs=("throttle",)),
+        # Thrust over a collective command; the powers of `THROTTLE_POWER` have these.
+        Parameter("slope", THROTTLE_POWER, THROTTLE_POWER_SCATTER, needs=("collective",)),
         Parameter("bend", 0.375, 0.5, needs=("collective",)),
-        Parameter("sag", 1.5, 0.5, needs=("voltage",)),
-        Parameter("full_speed", 0.0, 0.5, log=True, needs=BOTH),
+        Parameter("sag", VOLTAGE, VOLTAGE_SCATTER, needs=("voltage",)),
+        Parameter("full_speed", 0.0, HEALTHY.full_speed, log=True, needs=BOTH),
         # Of one flight against all: thrust by its battery, centre of mass, gain about z.
-        Parameter("charge", 0.0, 0.03, log=True, flight=True),
-        *(Parameter(f"shift_{axis}", 0.0, 0.02, flight=True) for axis in ("x", "y", "yaw")),
+        Parameter("charge", 0.0, charge, log=True, flight=True),
+        *(
+            Parameter(f"shift_{axis}", 0.0, HEALTHY.center_of_mass_shift, flight=True)
+            for axis in "xy"
+        ),
+        Parameter("shift_yaw", 0.0, HEALTHY.yaw_trim, flight=True),
         # Of one flight: rotor speed to body [s].
-        Parameter("clock", 0.0, 0.01, flight=True, needs=ROTOR_SPEED),
+        Parameter("clock", 0.0, HEALTHY.rotor_speed_time, flight=True, needs=ROTOR_SPEED),
         # Axes of the logged attitude against the body's [rad]; an estimator's may be its sensors'.
         *(
-            Parameter(name, 0.0, 0.03, flight=True, needs=AIR)
+            Parameter(name, 0.0, HEALTHY.tilt, flight=True, needs=AIR)
             for name in ("level_x", "level_y", "heading")
         ),
-        *(Parameter(f"bias_{axis}", 0.0, 0.3, flight=True) for axis in "xy"),
-        Parameter("bias_z", 0.0, 0.1, flight=True),
+        # Along z any autopilot calibrates it against gravity at rest.
+        *(Parameter(f"bias_{axis}", 0.0, bias, flight=True) for axis in "xy"),
+        Parameter("bias_z", 0.0, HEALTHY.accelerometer, flight=True),
     )
 
 

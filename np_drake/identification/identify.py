@@ -143,7 +143,7 @@ def identify(
     known = parts | ({"mass"} if basis.coefficient is None and not basis.newtons else {"trusted"})
     known |= {"full"} if frame.throttle < FULL else set()
     step = max(log.step for log in logs)
-    layout = Layout.of(parameters(basis.spin, step), parts, len(logs))
+    layout = Layout.of(parameters(basis.spin, step, parts), parts, len(logs))
     models = tuple(FlightModel(flight, frame) for flight in readings)
     loops = identify_rate_loop(logs) or ()
     if not loops and all(log.commanded_rates is not None for log in logs):

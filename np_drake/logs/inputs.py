@@ -15,15 +15,17 @@ from np_drake.logs.errors import LogError
 from np_drake.rotor_input import with_rotor_input
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight, smoothed
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.vehicle import VOLTAGE, PowerMap, ThrottleMap
+from np_drake.vehicle.vehicle import (
+    THROTTLE_POWER,
+    THROTTLE_POWER_SCATTER,
+    VOLTAGE,
+    PowerMap,
+    ThrottleMap,
+)
 
 Flights = Sequence[FlightLog]
 
 EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]
-# Prior of the exponent, mean and deviation [1]. Source: a linearised motor has 1; a propeller's
-# thrust goes with the square of its speed, and speed with voltage.
-USUAL = 1.5
-SCATTER = 0.5
 # share by which a voltage may differ from its median within a flight [1]; source: own choice
 BELIEVED = 0.3
 LEAST = 0.02  # throttle below which a rotor stands [1]
@@ -58,7 +60,7 @@ def with_throttle_map(
     if not fitted:
         return list(train), list(held_out)
     others = [log for log in held_out if _has_throttle(log)]
-    known = _map_of(vehicle, fitted, others, exponent=None if before else USUAL)
+    known = _map_of(vehicle, fitted, others, exponent=None if before else THROTTLE_POWER)
     if before and isinstance(known, PowerMap):
         known = _with_scatter(known, (fitted, others), vehicle.gravity)
 
@@ -73,7 +75,7 @@ def hover_exponent(vehicle: Vehicle) -> float:
     [1].
     """
     if vehicle.throttle is None:
-        return USUAL
+        return THROTTLE_POWER
     hover = float(vehicle.throttle.throttle(0.25 * vehicle.mass * vehicle.gravity))
     ends = vehicle.throttle.thrust(np.array([0.99, 1.01]) * hover)
     return float(np.log(ends[1] / ends[0]) / np.log(1.01 / 0.99))
@@ -233,7 +235,7 @@ def _loss(flights: Sequence[_Lifted], exponent: float) -> float:
         # Independent samples of the lift, which is band-limited.
         count = min(float(len(rest)), 2 * LIFT_BAND * float(seen.t[-1] - seen.t[0]))
         loss += 0.5 * count * np.log(max(float(np.mean(rest**2)), 1e-12))
-    return 0.5 * ((exponent - USUAL) / SCATTER) ** 2 + loss
+    return 0.5 * ((exponent - THROTTLE_POWER) / THROTTLE_POWER_SCATTER) ** 2 + loss
 
 
 GUESS = 0.1  # `thrust_uncertainty` from which a thrust coefficient is a guess [1]; own choice

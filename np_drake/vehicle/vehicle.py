@@ -66,10 +66,14 @@ ROTORS_OF_PAPER = [
 ]
 
 
-# Power of a battery's voltage in thrust at a throttle, and its deviation [1]; source: prior of the
-# identification.
+# Power of a battery's voltage in thrust at a throttle, and its deviation [1]; source: own choice,
+# thrust goes with the square of rotor speed, and speed less than with the voltage.
 VOLTAGE = 1.5
 VOLTAGE_SCATTER = 0.5
+# Power of throttle in thrust, and its deviation [1]. Source: a linearised motor has 1; thrust goes
+# with the square of a propeller's speed, and speed with voltage.
+THROTTLE_POWER = 1.5
+THROTTLE_POWER_SCATTER = 0.5
 
 
 @dc.dataclass(frozen=True)

@@ -24,7 +24,7 @@ from np_drake.diagnosis.fitting import (
 )
 from np_drake.diagnosis.forward_model import Term, pendulum_error, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.options import HALF_WIDTH_95, PRIOR_SPREAD, Options, Size
+from np_drake.diagnosis.options import HALF_WIDTH_95, Options, Size
 from np_drake.diagnosis.regressors import DRAG, Model, RegressionProblem
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate, ResidualFinding
@@ -32,6 +32,7 @@ from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
 from np_drake.effects.base import Effect
 from np_drake.effects.effect_entry import Posterior
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.estimation.priors import HEALTHY
 from np_drake.files.number_text import measure, percent, probability
 from np_drake.logs.rotors import named_rotors
 from np_drake.vehicle import Vehicle
@@ -541,7 +542,7 @@ class SizePosterior:
         least = options.materiality
         # Of the attitude against the rotors' axes, all together [rad].
         lean = (
-            (PRIOR_SPREAD.tilt, PRIOR_SPREAD.mounting)
+            (HEALTHY.tilt, HEALTHY.mounting)
             if tolerance.unmeasured
             else (tolerance.attitude, tolerance.mounting)
         )

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from np_drake.diagnosis.fitting import CORRELATED_BLOCK, prior_whitening, scaled_jacobian
+from np_drake.diagnosis.fitting import prior_whitening, scaled_jacobian
 from np_drake.diagnosis.forward_model import has_swing, predicted_residual, with_dependants
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import Options
@@ -28,6 +28,7 @@ from np_drake.diagnosis.result import CHANNELS, Cause, Remainder, ResidualFindin
 from np_drake.diagnosis.selection import Ranking
 from np_drake.diagnosis.slow_force import gust_probability
 from np_drake.effects.gusty_wind import GustyWind
+from np_drake.estimation.map_fit import SCORE_BLOCK
 from np_drake.estimation.noise import NoiseModel
 from np_drake.estimation.regression import places
 from np_drake.files.number_text import measure
@@ -518,7 +519,7 @@ def measure_remainder(
         np.stack([y[name][rows, WRENCH] ** 2 for y in residuals], axis=1)
         for name, rows in held_out.rows.items()
     ]
-    excess = _drawn_means(squares, round(CORRELATED_BLOCK / first.grid.step), rng) - power - drift
+    excess = _drawn_means(squares, round(SCORE_BLOCK / first.grid.step), rng) - power - drift
 
     # Draws before and after, of sizes with that of the mean behind them: power over noise [1],
     # force [N], torque [N·m].
@@ -532,7 +533,7 @@ def measure_remainder(
     starts, by_noise = _position_errors(held_out, residuals, noise)
     tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / vehicle.mass) ** 2
     hidden = _with_mean(np.minimum(there @ structure.squares, np.mean(by_noise)))[:, None]
-    moved = _with_mean(_drawn_means(starts, round(CORRELATED_BLOCK / STARTS), rng))
+    moved = _with_mean(_drawn_means(starts, round(SCORE_BLOCK / STARTS), rng))
     position = np.sqrt(np.maximum(moved - tilted, 0.0) + hidden)
     alone = float(np.sqrt(np.quantile(by_noise, ALONE)))
     tells = alone < vehicle.gravity * HORIZON**2 / 12  # of a constant torque, a radian [m]

@@ -13,12 +13,14 @@ import numpy as np
 import scipy
 
 from np_drake.diagnosis.forward_model import Stages, Term, predicted_residual
-from np_drake.diagnosis.options import IDEAL_SENSORS, PRIOR_SPREAD, Options, Tolerance
+from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
 from np_drake.diagnosis.residuals import QUIET, FlightResiduals
 from np_drake.effects import ClockOffset, ConstantWind, LinearDrag, SuspendedPayload, ThrustScale
 from np_drake.effects.base import Effect, prior_root, usual_size
 from np_drake.effects.library import LIBRARY, effect_of, effects_for, unobservable
 from np_drake.estimation.noise import fit_noise
+from np_drake.estimation.priors import HEALTHY
+from np_drake.vehicle.vehicle import THROTTLE_POWER, THROTTLE_POWER_SCATTER
 
 DRAG = LinearDrag.identifier  # the effect through which winds act
 WIND = ConstantWind.identifier
@@ -292,7 +294,7 @@ def switched(candidate: Candidate, flights: Sequence[FlightResiduals], onset: On
 THROTTLE_SCALE = 0.5
 # Of thrust over rotor speed squared [1]; source: density of air, 2 % for 6 K or 20 hPa.
 ROTOR_SPEED_SCALE = 0.02
-THROTTLE_CURVE = 0.3  # of its exponent [1]; source: that of `throttle_input.SCATTER` over `USUAL`
+THROTTLE_CURVE = THROTTLE_POWER_SCATTER / THROTTLE_POWER  # of its exponent [1]
 # Of a map in the vehicle file that states no uncertainty: of its scale, and of its exponent [1];
 # source: own choice.
 IDENTIFIED_SCALE = 0.05
@@ -359,8 +361,8 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
         log_input == "normalised" and not unmeasured
     ):  # the calibration of an unmeasured vehicle holds these
         open_ |= {
-            "mounting": max(tolerance.mounting, PRIOR_SPREAD.mounting),
-            "latency": max(tolerance.latency, PRIOR_SPREAD.latency),
+            "mounting": max(tolerance.mounting, HEALTHY.mounting),
+            "latency": max(tolerance.latency, HEALTHY.latency),
         }
     return dc.replace(options, tolerance=dc.replace(tolerance, **open_, unmeasured=unmeasured))
 

@@ -9,7 +9,7 @@ import pytest
 
 from np_drake.diagnosis.calibration import of_vehicle, with_fixed_effects
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import PRIOR_SPREAD, Tolerance
+from np_drake.diagnosis.options import Tolerance
 from np_drake.diagnosis.residuals import WRENCH, make_flight_residuals
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
@@ -18,6 +18,7 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.estimation.priors import HEALTHY
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import Calibration
 
@@ -74,5 +75,5 @@ def test_a_stated_interval_is_the_spread_of_its_number(seen):
     )
     (center,) = (d.sigma for d in dut if d.effect is CenterOfMassOffset)
     assert center["x"] == pytest.approx(0.002 / 1.96)
-    assert center["y"] == pytest.approx(PRIOR_SPREAD.center_of_mass * np.hypot(0.127, 0.127))
+    assert center["y"] == pytest.approx(HEALTHY.center_of_mass * np.hypot(0.127, 0.127))
     assert not any(d.effect is MotorLag for d in dut)

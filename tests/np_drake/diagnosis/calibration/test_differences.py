@@ -5,11 +5,12 @@ import dataclasses as dc
 import pytest
 
 from np_drake.diagnosis.calibration import calibration_effects, differences
-from np_drake.diagnosis.options import PRIOR_SPREAD, Options
+from np_drake.diagnosis.options import Options
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.estimation.priors import HEALTHY
 
 REAL = Options.for_sensors(True)
 TILT = 0.03  # of the attitude in one of the flights [rad]
@@ -48,7 +49,7 @@ def test_a_tilt_of_one_flight_names_that_flight(dut):
     assert tilt.by_flight["b"] - tilt.by_flight["a"] == pytest.approx(TILT, abs=0.01)
 
 
-HEALTHY = (WeakRotor(1.0, 1 - PRIOR_SPREAD.rotor_gain), BladeFlapping(0.05))
+HEALTHY = (WeakRotor(1.0, 1 - HEALTHY.rotor_gain), BladeFlapping(0.05))
 
 
 def flown(seen, *effects):

@@ -15,7 +15,7 @@ from np_drake.diagnosis.calibration import (
     with_torque_gain,
 )
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import PRIOR_SPREAD, Options, Tolerance
+from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.residuals import TORQUE
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.library import CHANGES
@@ -23,6 +23,7 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.mixer_gain import MixerGain
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.estimation.priors import HEALTHY
 
 UNMEASURED = dc.replace(Tolerance(), unmeasured=True)
 PRIORS = Options.for_sensors(True).priors
@@ -37,7 +38,7 @@ def test_a_column_is_what_one_deviation_does(flight):
     shared = of_vehicle(flight, UNMEASURED)
     (first,) = [d for d in shared if d.effect is WeakRotor and d.fixed == {"rotor": 1.0}]
     column = columns_of(flight, [first])[..., 0]
-    expected = predicted_residual(flight, [Term(WeakRotor(1.0, 1.0 + PRIOR_SPREAD.rotor_gain))])
+    expected = predicted_residual(flight, [Term(WeakRotor(1.0, 1.0 + HEALTHY.rotor_gain))])
     np.testing.assert_allclose(column, expected, atol=1e-12)
 
 
@@ -56,7 +57,7 @@ def test_slow_drift_adds_up_to_a_constant(flight):
     X = drift_columns(flight)
     total = X[:, 2].sum(axis=1)
     np.testing.assert_allclose(
-        total, PRIOR_SPREAD.known_sag * PRIOR_SPREAD.drift_time * flight.weight, rtol=1e-12
+        total, HEALTHY.known_sag * HEALTHY.drift_time * flight.weight, rtol=1e-12
     )
 
 

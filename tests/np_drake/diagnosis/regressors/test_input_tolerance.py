@@ -10,7 +10,7 @@ import pytest
 from np_drake.diagnosis.calibration import flight_errors, healthy_prior, nuisance_of
 from np_drake.diagnosis.effect_prior import columns_of, file_priors
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import PRIOR_SPREAD, Options, Priors, Tolerance
+from np_drake.diagnosis.options import Options, Priors, Tolerance
 from np_drake.diagnosis.regressors import library_candidates, with_input
 from np_drake.diagnosis.regressors.library_regressors import THROTTLE_SCALE, command_timing
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
@@ -19,6 +19,7 @@ from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.library import unobservable
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.estimation.priors import HEALTHY
 from np_drake.logs.inputs import with_throttle_input
 from np_drake.vehicle import Vehicle
 
@@ -91,8 +92,8 @@ def test_a_throttle_opens_the_mounting_and_the_latency_of_its_autopilot(flights)
     ]
     open_ = with_input(Options.for_sensors(True), flying).tolerance
     found = {d.name: set(d.sigma.values()) for d in file_priors(Vehicle(), open_)}
-    assert found["imu_mounting"] == {PRIOR_SPREAD.mounting}
-    assert found["attitude_latency"] == {PRIOR_SPREAD.latency}
+    assert found["imu_mounting"] == {HEALTHY.mounting}
+    assert found["attitude_latency"] == {HEALTHY.latency}
 
 
 def test_calibration_is_mass_and_thrust_at_their_deviations(flights):
