@@ -16,7 +16,13 @@ from functools import partial
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.effect_prior import ROTOR_NUMBERS, EffectPrior, columns_of, file_priors
+from np_drake.diagnosis.effect_prior import (
+    ROTOR_NUMBERS,
+    EffectPrior,
+    airframe_priors,
+    columns_of,
+    file_priors,
+)
 from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import HALF_WIDTH_95, Priors, Tolerance
@@ -30,7 +36,6 @@ from np_drake.effects import (
     AttitudeLatency,
     BatterySag,
     BladeFlapping,
-    CenterOfMassOffset,
     ClockOffset,
     CommandDelay,
     GyroBias,
@@ -80,36 +85,15 @@ def of_vehicle(flight: FlightResiduals, tolerance: Tolerance) -> list[EffectPrio
 
     known = partial(stated, vehicle)
     clock = HEALTHY.rotor_speed_time if flight.measured_rotors else HEALTHY.command_time
-    published = published_priors()
-    inertia = published.rotor_inertia.median * mass * span**2
-    # Of moments of inertia a gain of the torque has all but the gyroscopic torque.
-    moments = {
-        p.name: known("inertia", published.inertia.deviation * J, i, i) / J
-        for i, (p, J) in enumerate(zip(InertiaError.parameters, vehicle.J.diagonal(), strict=True))
-    }
-    center = [span * HEALTHY.center_of_mass] * 2 + [span * HEALTHY.center_of_mass_height]
+    rotor_inertia = published_priors().rotor_inertia.median * mass * span**2
     effect_priors = [
-        *(
-            EffectPrior(
-                WeakRotor,
-                {"efficiency": known("calibration.rotor_gains", HEALTHY.rotor_gain, i)},
-                rotor,
-            )
-            for i, rotor in enumerate({"rotor": number} for number in ROTOR_NUMBERS)
-        ),
-        EffectPrior(
-            CenterOfMassOffset,
-            {
-                axis: known("calibration.center_of_mass", center[i], i)
-                for i, axis in enumerate("xyz")
-            },
-        ),
+        *airframe_priors(vehicle, unmeasured=True),
+        # It has all that moments of inertia do but the gyroscopic torque.
         EffectPrior(MixerGain, dict.fromkeys(AXES, HEALTHY.torque_gain)),
-        EffectPrior(InertiaError, moments),
         EffectPrior(BladeFlapping, {"moment": HEALTHY.flapping * mass * span}),
         EffectPrior(TranslationalLift, {"lift": HEALTHY.lift * mass}),
         EffectPrior(
-            RotorGyroscopic, {"rotor_inertia": known("calibration.rotor_inertia", inertia)}
+            RotorGyroscopic, {"rotor_inertia": known("calibration.rotor_inertia", rotor_inertia)}
         ),
         EffectPrior(ClockOffset, {"offset": known("calibration.clock_offset", clock)}),
     ]

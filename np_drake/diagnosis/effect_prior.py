@@ -21,8 +21,10 @@ from np_drake.effects import (
     ThrustScale,
     WeakRotor,
 )
-from np_drake.effects.base import Effect, Parameter
+from np_drake.effects.base import Effect, Parameter, arm
+from np_drake.estimation.priors import HEALTHY, stated
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.published import published_priors
 
 ROTOR_NUMBERS = (1.0, 2.0, 3.0, 4.0)
 PART = 0.2  # of a deviation at which a mass effect is differenced, as it is not quite linear [1]
@@ -91,26 +93,47 @@ def file_priors(vehicle: Vehicle, tolerance: Tolerance) -> list[EffectPrior]:
 
 def _stated(vehicle: Vehicle) -> list[EffectPrior]:
     """Return what the intervals of a file state; 0 where they state nothing."""
-
-    def of(field: str, *place: int, over: float = 1.0) -> float:
-        return (vehicle.known_within(field, *place) or 0.0) / over
-
-    scales = [p.name for p in InertiaError.parameters]
-    moments = [of("inertia", i, i, over=J) for i, J in enumerate(vehicle.J.diagonal().tolist())]
-    center = {axis: of("calibration.center_of_mass", i) for i, axis in enumerate("xyz")}
-    gains = [of("calibration.rotor_gains", i) for i in range(4)]
-    lag = {"time_constant": vehicle.rotor_time_constant}
+    torque = vehicle.known_within("torque_coefficient") or 0.0
+    lag = vehicle.known_within("rotor_time_constant") or 0.0
     effect_priors = [
-        EffectPrior(InertiaError, dict(zip(scales, moments, strict=True))),
+        *airframe_priors(vehicle, unmeasured=False),
+        EffectPrior(MixerGain, {"yaw": torque / vehicle.torque_coefficient}),
+        EffectPrior(
+            MotorLag, {"time_constant": lag}, about={"time_constant": vehicle.rotor_time_constant}
+        ),
+    ]
+    return [dc.replace(d, stated=True) for d in effect_priors]
+
+
+def airframe_priors(vehicle: Vehicle, *, unmeasured: bool) -> list[EffectPrior]:
+    """Return by what inertia, centre of mass and rotors differ from the file.
+
+    Of a number for which the file states an interval, the deviation is that of the interval; of any
+    other that of healthy vehicles where the vehicle is `unmeasured`, else 0.
+    """
+
+    def deviation(field: str, usual: float, *place: int) -> float:
+        return stated(vehicle, field, usual if unmeasured else 0.0, *place)
+
+    published = published_priors().inertia.deviation
+    moments = {
+        p.name: deviation("inertia", published * J, i, i) / J
+        for i, (p, J) in enumerate(zip(InertiaError.parameters, vehicle.J.diagonal(), strict=True))
+    }
+    lengths = [HEALTHY.center_of_mass, HEALTHY.center_of_mass, HEALTHY.center_of_mass_height]
+    center = {
+        axis: deviation("calibration.center_of_mass", arm(vehicle) * length, i)
+        for i, (axis, length) in enumerate(zip("xyz", lengths, strict=True))
+    }
+    gains = [deviation("calibration.rotor_gains", HEALTHY.rotor_gain, i) for i in range(4)]
+    return [
+        EffectPrior(InertiaError, moments),
         EffectPrior(CenterOfMassOffset, center),
         *(
             EffectPrior(WeakRotor, {"efficiency": gain}, {"rotor": rotor})
             for rotor, gain in zip(ROTOR_NUMBERS, gains, strict=True)
         ),
-        EffectPrior(MixerGain, {"yaw": of("torque_coefficient", over=vehicle.torque_coefficient)}),
-        EffectPrior(MotorLag, {"time_constant": of("rotor_time_constant")}, about=lag),
     ]
-    return [dc.replace(d, stated=True) for d in effect_priors]
 
 
 def columns_of(
