@@ -401,7 +401,7 @@ def _what_they_tell(report: LogReport) -> list[Table]:
 
 
 def _findings(report: LogReport) -> list[Table]:
-    """Return flights, and noise, motion and residual of the first or of all."""
+    """Return the flights, the noise of the first, and motion and residual of all."""
     first = report.flights[0]
     flights = tabulate(
         "flights",
@@ -436,7 +436,7 @@ def _findings(report: LogReport) -> list[Table]:
     return [
         flights,
         noise,
-        ("motion", ["quantity", "value"], list((first.motion | report.excitation).items())),
+        ("motion", ["quantity", "value"], list(report.excitation.items())),
         ("residual", ["of weight; [N, N·m]", "value"], residual if floor else []),
     ]
 

@@ -21,6 +21,7 @@ from np_drake.diagnosis.doctor.flight_facts import (
     findings_on,
     flight_facts,
     law_findings,
+    motion_of,
 )
 from np_drake.diagnosis.gap import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.options import Options, Priors
@@ -388,7 +389,8 @@ class LogReport:
     """Result of `examine`.
 
     usable: whether anything can be diagnosed; problems: what stands against it, or limits it.
-    excitation: RMS values and spans over all flights; with the vehicle's where one is given.
+    excitation: RMS values and spans over all flights, largest speed and lowest height; with the
+        vehicle's where one is given.
     residual_force: by axis of B, RMS of the residual force over weight, nothing fitted [1]; empty
         without a vehicle.
     noise_floor: by channel, RMS of what no effect explains [N, N·m]; empty without a vehicle.
@@ -456,6 +458,7 @@ def examine(
         dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {})))
         for log in logs
     )
+    motion = motion_of(logs)
     findings = [finding for log in logs for finding in law_findings(log)]
     wrong = joined(shown_at(findings, Place.FAILURE))
     problems = list(wrong)
@@ -481,10 +484,10 @@ def examine(
             for key in ("speed [m/s]", "rate [rad/s]", "tilt [deg]")
         }
         still = nothing_moves(fastest | {"thrust variation [1]": 0.0}, logs)
-        return LogReport(facts, bool(long_enough) and not (wrong or still), (*still, *problems))
-    return _with_answers(
-        LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell
-    )
+        usable = bool(long_enough) and not (wrong or still)
+        return LogReport(facts, usable, (*still, *problems), excitation=motion)
+    report = LogReport(facts, True, tuple(problems), vehicle.name, excitation=motion)
+    return _with_answers(report, long_enough, vehicle, tell)
 
 
 def _with_answers(
@@ -520,7 +523,7 @@ def _with_answers(
         usable=not still and not shown_at(findings, Place.FAILURE),
         problems=(*joined(findings), *report.problems, *still),
         sensors="real" if options.tolerance.real else "ideal",
-        excitation=moving,
+        excitation=report.excitation | moving,
         residual_force=dict(zip("xyz", force.tolist(), strict=True)),
         noise_floor=dict(zip(CHANNELS, noise.rms.tolist(), strict=False)),
         answers=answers(smallest_sizes(information), gust, drag, flights),

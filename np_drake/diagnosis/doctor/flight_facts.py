@@ -5,6 +5,7 @@ diagnosis before its answer.
 """
 
 import dataclasses as dc
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -262,7 +263,7 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
         signals=tuple(_signals(log, usual)),
         misfits=misfits(*_evenly(log)),
         lags=lags(log, vehicle),
-        motion=_motion(log),
+        motion=motion_of([log]),
         saturated=_saturated(log, vehicle),
         notes=tuple(map(str, log.findings)),
     )
@@ -278,17 +279,22 @@ def _signals(log: FlightLog, usual: MeasurementNoise):
         yield SignalFacts(name, unit, float(white_noise([values]).max()), known.get(sensor, 0.0))
 
 
-def _motion(log: FlightLog) -> dict[str, float]:
+def motion_of(logs: Sequence[FlightLog]) -> dict[str, float]:
+    """Return RMS values over all rows of flights, their largest speed, span of heights and lowest
+    height, with the unit in the key; 0 of what was not logged.
+    """
+
     def rms(values: np.ndarray) -> float:
         return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
 
-    tilt = np.degrees(np.arccos(np.clip(attitude.body_z(log.q)[:, 2], -1, 1)))
-    v = log.v * ("velocity" not in log.lacks)
-    z = log.p[:, 2] * ("height" not in log.lacks)
+    up = attitude.body_z(np.concatenate([log.q for log in logs]))[:, 2]
+    tilt = np.degrees(np.arccos(np.clip(up, -1, 1)))
+    v = np.concatenate([log.v * ("velocity" not in log.lacks) for log in logs])
+    z = np.concatenate([log.p[:, 2] * ("height" not in log.lacks) for log in logs])
     return {
         "speed [m/s]": rms(v),
         "fastest [m/s]": float(np.linalg.norm(v, axis=1).max()),
-        "rate [rad/s]": rms(log.w),
+        "rate [rad/s]": rms(np.concatenate([log.w for log in logs])),
         "tilt [deg]": float(np.sqrt(np.mean(tilt**2))),
         "height span [m]": float(np.ptp(z)),
         "lowest [m]": float(z.min()),

@@ -1,5 +1,6 @@
 """Laws of `np-drake doctor`: one screen, exit codes, JSON."""
 
+import dataclasses as dc
 import json
 
 import numpy as np
@@ -57,6 +58,14 @@ def test_a_log_is_examined_with_a_vehicle_and_without(logs, tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "no vehicle file" in printed
     assert "can be told" not in printed
+
+
+def test_largest_speed_and_lowest_height_are_those_of_all_logs(swaying, logs, tmp_path, capsys):
+    lower = dc.replace(swaying, p=swaying.p - [0, 0, 0.5], name="lower")
+    write_log(lower, tmp_path / "lower.csv")
+    assert run(["doctor", str(logs[0]), str(tmp_path / "lower.csv")]) == 0
+    (line,) = (x for x in capsys.readouterr().out.splitlines() if x.strip().startswith("lowest"))
+    assert float(line.split()[-1]) == pytest.approx(lower.p[:, 2].min(), abs=1e-3)  # digits
 
 
 def test_what_can_be_opened_is_examined_beside_what_cannot(logs, tmp_path, capsys):

@@ -79,6 +79,21 @@ def test_without_a_vehicle_only_facts_are_given_and_it_is_said(log):
     assert dut.flights[0].signals
 
 
+@pytest.mark.parametrize("vehicle", [None, Vehicle()])
+def test_motion_is_that_of_all_flights(log, fly, vehicle):
+    lower = fly(name="b", seed=2, noise=1.0, vigour=1.5, height=0.8, seconds=6.0)
+    dut = examine([log, lower], vehicle).excitation
+    v = np.concatenate([log.v, lower.v])
+    assert (
+        dut["fastest [m/s]"]
+        == np.linalg.norm(v, axis=1).max()
+        > np.linalg.norm(log.v, axis=1).max()
+    )
+    assert dut["lowest [m]"] == lower.p[:, 2].min() < log.p[:, 2].min()
+    rms = np.sqrt(np.mean(np.sum(v**2, axis=1)))
+    assert dut["speed [m/s]"] == pytest.approx(rms, rel=0.02)  # means of intervals with a vehicle
+
+
 def test_a_drag_is_the_mean_of_its_axes_by_their_precision():
     found = _drag(SimpleNamespace(typical=[0.5]), np.array([1.0, 3.0]), np.array([0.1, 0.2]) ** 2)
     assert found == pytest.approx(0.5 * (100 * 1.0 + 25 * 3.0) / 125)
