@@ -298,8 +298,7 @@ def diagnose(
             answer as well (`Diagnosis.refit`): their first halves join its fit, and their second
             halves judge it.
         tolerance: errors of vehicle file and sensors that are not a cause: `Tolerance()` for real
-            sensors, `IDEAL_SENSORS`, or any other; default: real where attitudes are noisy or rotor
-            speed is measured.
+            sensors, `IDEAL_SENSORS`, or any other; default: as the logs look (`tolerance_of`).
         options: all that steers the answer; default: `Options.for_sensors` of that tolerance.
         material: position error of a simulator after 1 s from which what is left is material [m];
             default: that of the options. A force is in proportion to it.

@@ -210,7 +210,7 @@ def specific_pull(
 
     Args:
         lengths: (m,) tether lengths [m].
-        swing: (m, k) initial swing (`start_of_swing`), then jumps; k at most `hidden_size`.
+        swing: (m, k) initial swing (`_start_of_swing`), then jumps; k at most `hidden_size`.
         hooks: (m, 3) or (1, 3) positions p_BoTo_B [m].
         onset: time at which the payload is attached [s]; None: from the start.
         damping: of all or of each, (m,) [1/s].

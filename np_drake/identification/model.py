@@ -1,4 +1,4 @@
-"""Priors of the grey-box model in dimensionless form."""
+"""Grey-box model in dimensionless form: the residual that parameters leave of a flight."""
 
 import dataclasses as dc
 from functools import cached_property, lru_cache

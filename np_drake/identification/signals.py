@@ -137,7 +137,7 @@ class Signals:
     rate: (m, 3) mean body rates [rad/s].
     spread: (m, 3, 3) mean of w w' [rad²/s²]. velocity: (m, 3) mean velocity in body axes [m/s];
         None: not logged.
-    good: (m,) bins that count. drive: what turns the rotors, of `drives.DRIVES`.
+    good: (m,) bins that count. drive: what turns the rotors, of `DRIVES`.
     input: (n, 4) rotor speed [rad/s], throttle [1] or commanded rotor thrust [N] of the rows.
     command: (n, 4) throttle where rotor speed is logged as well [1]. voltage: (n,) [V].
         accelerometer: whether the force is an accelerometer's; else it is that of the logged

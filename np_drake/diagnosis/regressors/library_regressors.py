@@ -304,10 +304,11 @@ EARLY = 3.0
 
 
 def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
-    """Return the tolerance for real sensors, or for ideal ones where the logs look like those of a
+    """Return the tolerance for real sensors, or for ideal ones where all logs look like those of a
     simulator.
 
-    These have attitudes without noise, commands in newtons, and state when a command acts.
+    These have attitudes without noise, thrust and torque commands in SI units, and state when a
+    command acts.
     """
     ideal = all(
         flight.attitude_noise <= QUIET

@@ -1,4 +1,6 @@
-"""Whitened columns of effects that begin in flight."""
+"""Bayesian regression of flights on candidates: evidence of sets of them, and columns that begin in
+flight.
+"""
 
 import dataclasses as dc
 from collections.abc import Iterable, Sequence

@@ -49,8 +49,8 @@ class FlightResiduals:
     over an interval. nominal (m, 6): wrench of nominal rotors in B on the grid, and what the
     calibration of the file gives [N, N·m]. w (m, 3): body rates in B on the grid [rad/s].
     attitude_noise: white attitude noise found [rad]. turned: `a` was rotated to W with the attitude
-    readings, not with the smoothed attitude. outliers (m,): outlier rows of the grid, which are
-    interpolated; none until `find_outliers` has been applied. joined (m,): rows of a held-out
+    readings, not with the smoothed attitude. outliers (m,): rows of the grid that do not count and are
+    interpolated: in gaps, at rest on the ground, and from `find_outliers`, once applied. joined (m,): rows of a held-out
     flight that joined the fit (adaptive split). goes_on: the flight continues after these rows, so
     that an effect absent here may begin later. earlier: the flight was before what is asked: an
     effect that changed since then is absent from it. calibrated (m, 15): what a calibration of the

@@ -214,8 +214,8 @@ def find_map_model(
     """Return the best model of these training flights, searched and fitted twice: once more with
     the noise that the fit leaves.
 
-    options: all that steers the answer; default: real where attitudes are noisy or rotor speed is
-    measured. still_air, lengths: as of `condition`.
+    options: all that steers the answer; default: as the logs look (`tolerance_of`). still_air,
+    lengths: as of `condition`.
     """
     options = with_input(options, flights) if options else options_of(flights)
     of = condition(flights, options, still_air=still_air, lengths=lengths)

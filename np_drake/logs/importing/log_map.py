@@ -100,7 +100,7 @@ class Source:
     direction: str = word("body_to_world", *DIRECTIONS)  # of an attitude
     world: str = word("", "", *WORLDS, meaning="`world`, where it differs from the map's")
     body: str = word("", "", *BODIES, meaning="`body`, where it differs from the map's")
-    # by which the stamps are later than the quantity; None: measured (`one_clock`) [s]
+    # by which the stamps are later than the quantity; None: measured (`on_one_clock`) [s]
     late: float | None = None
     # of a throttle, its readings at 0 and 1, once or for each column; empty: those of the unit
     ends: list[float] = dc.field(default_factory=list)
