@@ -42,45 +42,38 @@ SIZE = 15
 
 @dc.dataclass(frozen=True)
 class FlightResiduals:
-    """Residuals y (m, 15) of one flight on `grid`, with the signals from which regressors are made.
-
-    rows, mids: the instants at which force (rows) and torque (mids) are measured.
-    thrust_rows (n, 4), thrust_mids (n-1, 4): thrust of nominal rotors there [N]; mids hold the mean
-    over an interval. nominal (m, 6): wrench of nominal rotors in B on the grid, and what the
-    calibration of the file gives [N, N·m]. w (m, 3): body rates in B on the grid [rad/s].
-    attitude_noise: white attitude noise found [rad]. turned: `a` was rotated to W with the attitude
-    readings, not with the smoothed attitude. outliers (m,): rows of the grid that do not count and are
-    interpolated: in gaps, at rest on the ground, and from `find_outliers`, once applied. joined (m,): rows of a held-out
-    flight that joined the fit (adaptive split). goes_on: the flight continues after these rows, so
-    that an effect absent here may begin later. earlier: the flight was before what is asked: an
-    effect that changed since then is absent from it. calibrated (m, 15): what a calibration of the
-    vehicle gives, already taken from y; 0: nothing. fixed: effects of the file's calibration that
-    act in every model, beyond those of the rotors. given (m, 6): their part of `nominal`, with all
-    of its torque; 0: nothing [N, N·m]. torque_gain: share of torque, about each axis, that the
-    motion shows [1]; y and the nominal wrench count with it. knows_torque: whether the log tells
-    the rotors' torque; without it the torque channels are empty.
-    """
+    """Residuals of one flight on a grid, with the signals from which regressors are made."""
 
     log: FlightLog
     vehicle: Vehicle
     grid: Grid
-    y: np.ndarray
-    rows: Instants
-    mids: Instants
-    thrust_rows: np.ndarray
-    thrust_mids: np.ndarray
+    y: np.ndarray  # (m, 15) residuals; 0 in channels that the log does not tell
+    rows: Instants  # at which force is measured
+    mids: Instants  # at which torque is measured
+    thrust_rows: np.ndarray  # (n, 4) of nominal rotors at `rows` [N]
+    thrust_mids: np.ndarray  # (n-1, 4) the same at `mids`, the mean over an interval [N]
+    # (m, 6) wrench of nominal rotors, and what the calibration of the file gives, in B [N, N·m]
     nominal: np.ndarray
-    w: np.ndarray
-    attitude_noise: float
-    turned: bool
+    w: np.ndarray  # (m, 3) body rates in B [rad/s]
+    attitude_noise: float  # white attitude noise found [rad]
+    turned: bool  # `a` was rotated to W with the attitude readings, not with the smoothed attitude
+    # (m,) rows that do not count and are interpolated: in gaps, at rest on the ground, and those of
+    # `find_outliers`, once it has been applied
     outliers: np.ndarray
-    joined: np.ndarray
+    joined: np.ndarray  # (m,) rows of a held-out flight that joined the fit (adaptive split)
+    # The flight continues after these rows, so that an effect absent here may begin later.
     goes_on: bool = False
+    # From before what is asked: an effect that changed since then is absent from it.
     earlier: bool = False
+    # Whether the log tells the rotors' torque; without it the torque channels are empty.
     knows_torque: bool = True
+    # (m, 15) what a fitted calibration of the vehicle gives, already taken from y; 0: nothing
     calibrated: np.ndarray | float = 0.0
+    # Share of torque, about each axis, that the motion shows [1]; y and `nominal` count with it.
     torque_gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    # Effects of the file's calibration that act in every model, beyond those of the rotors.
     fixed: tuple[Effect, ...] = ()
+    # (m, 6) their part of `nominal`, with all of its torque; 0: nothing [N, N·m]
     given: np.ndarray | float = 0.0
 
     @property
@@ -365,34 +358,35 @@ def make_flight_residuals(
     since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
     first, last = (log.t[0], log.t[-1]) if vehicle.described else _clear_of_ground(log)
     grid = make_grid(log.t[(log.t >= max(since, first)) & (log.t <= last)], step)
-    none = np.zeros(len(grid.t), bool)
-    still = np.zeros((len(grid.t), 6))
-    rest = none if vehicle.described else _at_rest(log, grid, thrust_rows @ vehicle.mixer[0])
-    flight = FlightResiduals(
-        log,
-        vehicle,
-        grid,
-        still,
-        rows,
-        mids,
-        thrust_rows,
-        thrust_mids,
-        still,
-        still,
-        noise,
-        turned,
-        rest | (np.interp(grid.t, log.t, log.in_gap) > 0),
-        none,
-        knows_torque=knows_torque,
+    rest = (
+        np.zeros(len(grid.t), bool)
+        if vehicle.described
+        else _at_rest(log, grid, thrust_rows @ vehicle.mixer[0])
     )
-    y = np.concatenate([flight.from_rows(force), flight.from_mids(others)], axis=1)
+    from_mids = Resampler.of_intervals(grid, log.t)
+    from_rows = from_mids if log.a is None else Resampler.of_instants(grid, log.t)
     u_rows = thrust_rows @ vehicle.mixer.T
     u_mids = thrust_mids @ vehicle.mixer.T
     f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
-    nominal = np.concatenate(
-        [still[:, :2], flight.from_rows(f), flight.from_mids(u_mids[:, 1:])], axis=1
+    level = np.zeros((len(grid.t), 2))
+    flight = FlightResiduals(
+        log=log,
+        vehicle=vehicle,
+        grid=grid,
+        y=np.concatenate([from_rows(force), from_mids(others)], axis=1),
+        rows=rows,
+        mids=mids,
+        thrust_rows=thrust_rows,
+        thrust_mids=thrust_mids,
+        nominal=np.concatenate([level, from_rows(f), from_mids(u_mids[:, 1:])], axis=1),
+        w=from_mids(mids.x[:, W]),
+        attitude_noise=noise,
+        turned=turned,
+        outliers=rest | (np.interp(grid.t, log.t, log.in_gap) > 0),
+        joined=np.zeros(len(grid.t), bool),
+        knows_torque=knows_torque,
     )
-    return dc.replace(flight, y=flight.known(y), nominal=nominal, w=flight.from_mids(mids.x[:, W]))
+    return dc.replace(flight, y=flight.known(flight.y))
 
 
 def _clear_of_ground(log: FlightLog) -> tuple[float, float]:
