@@ -163,7 +163,7 @@ def decide(
     key = names_of_fit(fit)
     same = equivalents(problem, members[key]) if key in members else {}
     flights = [*problem.flights, *held_out.flights]
-    rotors = named_rotors([e.log for e in flights], flights[0].vehicle)
+    rotors = named_rotors([flight.log for flight in flights], flights[0].vehicle)
     causes = []
     minor = []
     for i, (term, gain) in enumerate(
@@ -180,7 +180,10 @@ def decide(
         parameters = estimates(fit, i, vehicle, options)
         rotor = rotors[round(effect.values["rotor"]) - 1] if "rotor" in effect.values else None
         if decision.probability >= options.thresholds.cause_probability:
-            there = {e.name: held_out.terms.get(e.name, fit.everything)[i] for e in flights}
+            there = {
+                flight.name: held_out.terms.get(flight.name, fit.everything)[i]
+                for flight in flights
+            }
             causes.append(
                 Cause(
                     name,

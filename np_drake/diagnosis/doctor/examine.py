@@ -154,12 +154,14 @@ def explain(
         options: tolerances of sensors, and the share of a linear prediction that is wrong.
     """
     step = flights[0].grid.step
-    _, residual = _fitted(flights, nuisance, traces, scale_only([e.y for e in flights], step))
+    _, residual = _fitted(
+        flights, nuisance, traces, scale_only([flight.y for flight in flights], step)
+    )
     flights = [
-        dc.replace(e, outliers=e.outliers | find_outliers(r, step))
-        for e, r in zip(flights, residual, strict=True)
+        dc.replace(flight, outliers=flight.outliers | find_outliers(r, step))
+        for flight, r in zip(flights, residual, strict=True)
     ]
-    channels = [e.bridged(e.y) for e in flights]
+    channels = [flight.bridged(flight.y) for flight in flights]
     noise = scale_only(channels, step)
     drag = None
     for _ in range(2):
@@ -178,10 +180,14 @@ def _fitted(
     residual (m, 15) without outliers.
     """
     blocks = [c.columns for c in nuisance] + [t.columns for t in traces]
-    total = reduce(add, (e.gram(noise, [b[e.name] for b in blocks]) for e in flights))
+    total = reduce(
+        add, (flight.gram(noise, [b[flight.name] for b in blocks]) for flight in flights)
+    )
     mean, covariance = total.posterior(np.arange(len(total.Xy)))
-    columns = (np.concatenate([b[e.name] for b in blocks], axis=-1) for e in flights)
-    residual = [e.bridged(e.y - X @ mean) for e, X in zip(flights, columns, strict=True)]
+    columns = (np.concatenate([b[flight.name] for b in blocks], axis=-1) for flight in flights)
+    residual = [
+        flight.bridged(flight.y - X @ mean) for flight, X in zip(flights, columns, strict=True)
+    ]
     at = sum(c.size for c in nuisance)
     drag = None
     for trace in traces:
@@ -236,7 +242,9 @@ class Information:
     ):
         self.traces = list(traces)
         blocks = [c.columns for c in nuisance] + [t.columns for t in traces]
-        total = reduce(add, (e.gram(noise, [b[e.name] for b in blocks]) for e in flights))
+        total = reduce(
+            add, (flight.gram(noise, [b[flight.name] for b in blocks]) for flight in flights)
+        )
         self._gram = total.given(sum(c.size for c in nuisance))
         spans = pairwise(np.cumsum([0] + [t.width for t in traces]).tolist())
         self._at = {id(t): np.arange(*span) for t, span in zip(self.traces, spans, strict=True)}
@@ -501,7 +509,7 @@ def _with_answers(
     logs = [log.rows(0, int((log.t <= log.t[0] + MOST_SECONDS).sum())) for log in logs]
     step = common_step([log.t for log in logs], len(logs))
     flights = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
-    findings = [finding for e in flights for finding in findings_on(e)]
+    findings = [finding for flight in flights for finding in findings_on(flight)]
     moving = excitation(flights)
     options = options_of(flights, real=True if any(f.imported for f in report.flights) else None)
     nuisance = nuisance_of(flights, options.tolerance, options.priors)
@@ -516,7 +524,7 @@ def _with_answers(
     information = Information(cleared, noise, nuisance, all_traces)
     gust = smallest_gust(noise, moving["duration [s]"])
     still = nothing_moves(moving, logs)
-    y = np.concatenate([e.y[~e.outliers, FORCE] for e in flights])
+    y = np.concatenate([flight.y[~flight.outliers, FORCE] for flight in flights])
     force = np.sqrt(np.mean(y**2, axis=0)) / flights[0].weight
     return dc.replace(
         report,

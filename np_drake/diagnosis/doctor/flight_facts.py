@@ -165,8 +165,8 @@ def _evenly(log: FlightLog, finest: float = LEAST_STEP) -> tuple[np.ndarray, dic
     return even, at
 
 
-def _residual(e: FlightResiduals) -> list[Finding]:
-    share = np.sqrt(np.mean(e.y[~e.outliers, FORCE] ** 2, axis=0)) / e.weight
+def _residual(flight: FlightResiduals) -> list[Finding]:
+    share = np.sqrt(np.mean(flight.y[~flight.outliers, FORCE] ** 2, axis=0)) / flight.weight
     worst = int(np.argmax(share))
     if share[worst] <= MOST_RESIDUAL:
         return []
@@ -175,14 +175,14 @@ def _residual(e: FlightResiduals) -> list[Finding]:
         "check mass, thrust coefficient, units and columns before any answer"
     )
     kind = Kind.CONTRADICTION if share[2] > NO_LIFT else Kind.DOUBT
-    return [Finding(kind, e.name, what)]
+    return [Finding(kind, flight.name, what)]
 
 
-def _torque(e: FlightResiduals) -> list[Finding]:
+def _torque(flight: FlightResiduals) -> list[Finding]:
     """Return the findings on the torque by its correlation with J dw/dt + w x J w, and by the size
     of both.
     """
-    agreement = torque_agreement(e.log, e.vehicle) if e.knows_torque else None
+    agreement = torque_agreement(flight.log, flight.vehicle) if flight.knows_torque else None
     if agreement is None:
         return []
     out = []
@@ -203,7 +203,7 @@ def _torque(e: FlightResiduals) -> list[Finding]:
             )
         if what:
             text = f"torque about body {axis} {what}"
-            out.append(Finding(Kind.CONTRADICTION, e.name, text))
+            out.append(Finding(Kind.CONTRADICTION, flight.name, text))
     return out
 
 

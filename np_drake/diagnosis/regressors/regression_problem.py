@@ -262,7 +262,7 @@ class SwitchedRegressors:
         others: np.ndarray,
         scale=1.0,
     ):
-        self._e = flight
+        self._flight = flight
         self._noise = noise
         self._scale = scale
         self._order = noise.phi.shape[1]
@@ -290,7 +290,7 @@ class SwitchedRegressors:
         jump there.
         """
         channels = self._channels(X)
-        driven, weighted = self._driven(channels, self._e.bridged(X[:, channels]))
+        driven, weighted = self._driven(channels, self._flight.bridged(X[:, channels]))
         by_row = driven.transpose(1, 2, 0)
         XX, XBy = (by_row @ np.swapaxes(a, 0, 1) for a in (weighted, self._facing[channels]))
         XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in (XX, XBy))
@@ -312,7 +312,7 @@ class SwitchedRegressors:
         gate = np.concatenate([np.zeros((order, SIZE)), self._rise, np.ones((order, SIZE))])
         near = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
         channels = self._channels(X)
-        late = self._e.bridged(X[:, channels])[near] * gate[:, None, channels, None]
+        late = self._flight.bridged(X[:, channels])[near] * gate[:, None, channels, None]
         row = rows - half + np.arange(self._near)[:, None]
         there = ((row >= 0) & (row < m))[..., None]
         driven, weighted = (
@@ -336,7 +336,7 @@ class SwitchedRegressors:
         these times the inverse of their covariance.
         """
         parts = [
-            self._noise.driven_in(c, values[:, i], self._e.name)
+            self._noise.driven_in(c, values[:, i], self._flight.name)
             for i, c in enumerate(channels.tolist())
         ]
         shape = (len(parts), len(values) - self._order, *values.shape[2:])

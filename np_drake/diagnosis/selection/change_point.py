@@ -47,17 +47,17 @@ class TriedOnsets:
         inside: rows that may be onsets.
     """
 
-    def __init__(self, flight: SwitchedRegressors, X: np.ndarray, inside: np.ndarray):
-        self._flight = flight
+    def __init__(self, regressors: SwitchedRegressors, X: np.ndarray, inside: np.ndarray):
+        self._regressors = regressors
         self._X = X
-        self._suffix = flight.suffix_sums(X)
+        self._suffix = regressors.suffix_sums(X)
         self.ends = self._suffix.rows([0, -1])  # from the start, and never
         self.start, self.never = self.ends.rows([0]), self.ends.rows([1])
         self.now = self.start
         self.onset: float | None = None
         self.inside = inside
         self.rows = inside[::COARSE]
-        self.sums = flight.begun(X, self._suffix, self.rows)
+        self.sums = regressors.begun(X, self._suffix, self.rows)
 
     def refine(self, profile: np.ndarray) -> None:
         """Add the untried rows about the best of the profile (n,)."""
@@ -66,7 +66,7 @@ class TriedOnsets:
         tried = np.concatenate([self.rows, rows])
         order = np.argsort(tried)
         self.rows = tried[order]
-        self.sums = self.sums.joined(self._flight.begun(self._X, self._suffix, rows), order)
+        self.sums = self.sums.joined(self._regressors.begun(self._X, self._suffix, rows), order)
 
     def most_likely(self, profile: np.ndarray) -> int:
         """Return the row in the middle of the span of `ONSET_SPAN` that most likely holds the
@@ -76,7 +76,7 @@ class TriedOnsets:
         """
         dense = np.interp(self.inside, self.rows, profile)
         weight = np.exp(dense - dense.max())
-        width = max(1, round(ONSET_SPAN / (self._flight.t[1] - self._flight.t[0])))
+        width = max(1, round(ONSET_SPAN / (self._regressors.t[1] - self._regressors.t[0])))
         mass = (
             np.convolve(weight, np.ones(width), "valid")
             if width < len(weight)
@@ -97,8 +97,8 @@ class TriedOnsets:
             self.now = self.start
             self.onset = None
         else:
-            self.now = self._flight.begun(self._X, self._suffix, np.array([row]))
-            self.onset = float(self._flight.t[row])
+            self.now = self._regressors.begun(self._X, self._suffix, np.array([row]))
+            self.onset = float(self._regressors.t[row])
 
 
 @dc.dataclass(frozen=True)
@@ -133,17 +133,20 @@ class OnsetScan:
         # Either side of what begins is then as long as a flight that can be diagnosed.
         self._edge = edge = LEAST_DURATION if problem.options.tolerance.unmeasured else ONSET_EDGE
         # From which an effect may be absent, as they go on or were before.
-        self._go_on = {e.name for e in problem.flights if e.goes_on or e.earlier}
-        self._flights: dict[str, SwitchedRegressors] = {}
+        self._go_on = {
+            flight.name for flight in problem.flights if flight.goes_on or flight.earlier
+        }
+        self._regressors: dict[str, SwitchedRegressors] = {}
         self._inside: dict[str, np.ndarray] = {}  # rows that may be onsets
-        for e in problem.flights:
-            none = np.zeros((*e.y.shape, 0))
-            B = np.concatenate([none, *(c.columns[e.name] for c in chosen)], axis=-1)
-            flight = SwitchedRegressors(e, problem.noise, e.y, B, scale)
-            self._products[np.ix_(*[[*flight.at, size]] * 2)] += flight.products
-            late = flight.t > flight.t[0] + edge
-            early = flight.t < flight.t[-1] - edge
-            self._flights[e.name], self._inside[e.name] = flight, np.flatnonzero(late & early)
+        for flight in problem.flights:
+            none = np.zeros((*flight.y.shape, 0))
+            B = np.concatenate([none, *(c.columns[flight.name] for c in chosen)], axis=-1)
+            regressors = SwitchedRegressors(flight, problem.noise, flight.y, B, scale)
+            self._products[np.ix_(*[[*regressors.at, size]] * 2)] += regressors.products
+            late = regressors.t > regressors.t[0] + edge
+            early = regressors.t < regressors.t[-1] - edge
+            self._regressors[flight.name] = regressors
+            self._inside[flight.name] = np.flatnonzero(late & early)
         self._owner = np.repeat([-1] * len(problem.nuisance) + [*members], [c.size for c in chosen])
         self._regress(np.arange(len(self._owner)))
 
@@ -166,7 +169,9 @@ class OnsetScan:
 
     def rough_evidence(self, candidate: Candidate) -> float:
         """Return the log evidence of a candidate at its best onsets, jumps of its columns apart."""
-        suffix = {name: f.suffix_sums(candidate.columns[name]) for name, f in self._flights.items()}
+        suffix = {
+            name: r.suffix_sums(candidate.columns[name]) for name, r in self._regressors.items()
+        }
         start = {name: sums.rows([0]) for name, sums in suffix.items()}
         at = dict(start)
         for name, rows in self._inside.items():
@@ -186,14 +191,14 @@ class OnsetScan:
         """
         pieces = [c.variant == PIECES for c in self.problem.candidates]
         mean = np.where(np.append(pieces, False)[self._owner], 0.0, self.mean)
-        suffix = self._flights[name].suffix_sums(candidate.columns[name])
+        suffix = self._regressors[name].suffix_sums(candidate.columns[name])
         return suffix.XX[:, 0, 0], (suffix.Xy - suffix.XB @ mean[suffix.at])[:, 0]
 
     @property
     def _cost(self) -> float:
         """Log evidence that a change must bring, its prior among all rows of a flight included."""
         priors = self.problem.options.priors
-        rows = max(len(f.t) for f in self._flights.values())
+        rows = max(len(r.t) for r in self._regressors.values())
         return priors.onset_gain - priors.onset + math.log(rows)
 
     def steps(self, candidate: Candidate) -> Times:
@@ -203,14 +208,14 @@ class OnsetScan:
         Source: optimal partitioning (Jackson et al. 2005).
         """
         times = Times()
-        for name, flight in self._flights.items():
-            rows = np.array([0, *self._inside[name][::COARSE], len(flight.t)])
+        for name, regressors in self._regressors.items():
+            rows = np.array([0, *self._inside[name][::COARSE], len(regressors.t)])
             XX, Xy = (sums[rows] for sums in self._suffixes_given_others(name, candidate))
             # [i, j]: of the rows from boundary i to boundary j.
             precision = 1.0 + XX[:, None] - XX
             product = Xy[:, None] - Xy
             gain = 0.5 * (product**2 / precision - np.log(np.maximum(precision, 1.0)))
-            spans = (rows - rows[:, None]) * (flight.t[1] - flight.t[0])
+            spans = (rows - rows[:, None]) * (regressors.t[1] - regressors.t[0])
             gain[spans < self._edge] = -np.inf
             gain[1:] -= self._cost
             best = np.zeros(len(rows))
@@ -222,7 +227,7 @@ class OnsetScan:
             ends = [len(rows) - 1]
             while ends[0]:
                 ends.insert(0, int(before[ends[0]]))
-            times[name] = tuple(flight.t[rows[ends[1:-1]]].tolist())
+            times[name] = tuple(regressors.t[rows[ends[1:-1]]].tolist())
         return times
 
     def changes(self, candidate: Candidate, sizes: Sequence[float]) -> Times:
@@ -230,12 +235,12 @@ class OnsetScan:
         the first of which it has from the start; infinite: not there.
         """
         times = Times()
-        for name, flight in self._flights.items():
-            barred = np.ones(len(flight.t) + 1, bool)
+        for name, regressors in self._regressors.items():
+            barred = np.ones(len(regressors.t) + 1, bool)
             barred[[0, *self._inside[name], -1]] = False
             sums = self._suffixes_given_others(name, candidate)
             _, following = ordered_changes(*sums, sizes, self._cost, barred)
-            times[name] = times_of_changes(np.append(flight.t, NEVER), following, 0)
+            times[name] = times_of_changes(np.append(regressors.t, NEVER), following, 0)
         return times
 
     def best(self, candidate: Candidate) -> Onsets:
@@ -245,8 +250,8 @@ class OnsetScan:
         a row has one in all rows, one that is known to half a flight has one half.
         """
         scans = {
-            n: TriedOnsets(f, candidate.columns[n], self._inside[n])
-            for n, f in self._flights.items()
+            n: TriedOnsets(r, candidate.columns[n], self._inside[n])
+            for n, r in self._regressors.items()
         }
         climbs = [self._climbed(scans)]
         # A climb begins where the effect would begin with parameters of each flight's own, no prior
