@@ -16,6 +16,7 @@ from np_drake.diagnosis.residuals import (
     low_pass,
 )
 from np_drake.diagnosis.residuals.flight_residuals import (
+    ALONG_THRUST,
     ATTITUDE,
     FORCE,
     POSITION,
@@ -477,7 +478,7 @@ def _residual_of(flight: FlightResiduals, terms: Sequence[Term], stages: Stages)
     added = _added_wrench(flight, terms, turned, (key, sensors), stages)
     needed, share = _by_changed_mass(flight, terms, added, turned.ahead)
     if flight.log.a is not None:
-        y[:, 11] += share * turned.after + (share - 1.0) * flight.after
+        y[:, ALONG_THRUST] += share * turned.after + (share - 1.0) * flight.after
     y[:, WRENCH] += needed * flight.shown
     return flight.known(y)
 
@@ -525,7 +526,7 @@ def _by_changed_mass(
         for effect in effects:
             real = effect.properties(real)
         begun = flight.begun(onset)
-        share += begun[:, 11] * (vehicle.mass / real.mass - share)
+        share += begun[:, ALONG_THRUST] * (vehicle.mass / real.mass - share)
         moved = needed_wrench(flight, real, added, ahead)
         needed = begun[:, WRENCH] * moved + (1 - begun[:, WRENCH]) * needed
     return needed, share

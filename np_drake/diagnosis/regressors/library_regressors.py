@@ -128,15 +128,25 @@ def _effect_candidates(
     grid = effect.grid(flights[0].vehicle)
     if effect.linear or settings != [{}] or not grid:
         return [_linear(effect, flights, onset, s, len(settings), stages) for s in settings]
-    return [at_value(effect, flights, onset, values, len(grid), stages) for values in grid]
+    return [_at_value(effect, flights, onset, values, len(grid), stages) for values in grid]
 
 
-def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stages) -> Candidate:
+def _linear(
+    effect: type[Effect],
+    flights: Sequence[FlightResiduals],
+    onset: Onset,
+    fixed: dict[str, float],
+    variants: int,
+    stages: Mapping[str, Stages],
+) -> Candidate:
+    """Return the candidate of an effect that is linear in its free parameters, the others at fixed
+    values, of so many variants.
+    """
     free = [p for p in effect.parameters if not p.choices]
     neutral = {p.name: p.neutral for p in free} | fixed
     root = prior_root(effect, flights[0].vehicle)
 
-    def one(evidence: FlightResiduals) -> np.ndarray:
+    def columns_of(flight: FlightResiduals) -> np.ndarray:
         columns = []
         for p in free:
             # Small where the effect is linear to first order only.
@@ -144,7 +154,7 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
             step = step if p.neutral + step <= p.upper else -step
             values = {**neutral, p.name: p.neutral + step}
             residual = predicted_residual(
-                evidence, [Term(effect.of(values), onset)], stages[evidence.name]
+                flight, [Term(effect.of(values), onset)], stages[flight.name]
             )
             columns.append(residual / step)
         return np.stack(columns, axis=-1) @ root
@@ -161,7 +171,7 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
     return Candidate(
         (effect.identifier,),
         label,
-        {flight.name: one(flight) for flight in flights},
+        {flight.name: columns_of(flight) for flight in flights},
         terms,
         -math.log(variants),
         onset,
@@ -187,7 +197,14 @@ def _not_negative(
     )
 
 
-def at_value(effect, flights, onset, values: dict[str, float], variants: int, stages) -> Candidate:
+def _at_value(
+    effect: type[Effect],
+    flights: Sequence[FlightResiduals],
+    onset: Onset,
+    values: dict[str, float],
+    variants: int,
+    stages: Mapping[str, Stages],
+) -> Candidate:
     """Return the candidate of a nonlinear effect that scales its prediction at `values`.
 
     Args:

@@ -291,7 +291,8 @@ class SwitchedRegressors:
         """
         channels = self._channels(X)
         driven, weighted = self._driven(channels, self._flight.bridged(X[:, channels]))
-        by_row = driven.transpose(1, 2, 0)
+        by_row = driven.transpose(1, 2, 0)  # (m, k, c), c active channels
+        # (m, k, k) and (m, k, b' + 1) products of each row, then sums from each row on (m + 1, …)
         XX, XBy = (by_row @ np.swapaxes(a, 0, 1) for a in (weighted, self._facing[channels]))
         XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in (XX, XBy))
         return Sums(XX, XBy[..., :-1], XBy[..., -1], self.at)
@@ -308,21 +309,23 @@ class SwitchedRegressors:
         half = len(self._rise) // 2
         order = self._order
         m = len(self.t)
-        offsets = np.arange(-half - order, half + order + 1)
+        # Rows about an onset: l of the grid, and l - p whitened ones. c: active channels.
+        offsets = np.arange(-half - order, half + order + 1)  # (l,)
         gate = np.concatenate([np.zeros((order, SIZE)), self._rise, np.ones((order, SIZE))])
-        near = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
-        channels = self._channels(X)
+        near = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)  # (l, n) rows of X
+        channels = self._channels(X)  # (c,)
+        # (l, n, c, k) columns that begin at each of the onsets
         late = self._flight.bridged(X[:, channels])[near] * gate[:, None, channels, None]
-        row = rows - half + np.arange(self._near)[:, None]
+        row = rows - half + np.arange(self._near)[:, None]  # (l - p, n) whitened rows
         there = ((row >= 0) & (row < m))[..., None]
-        driven, weighted = (
+        driven, weighted = (  # (c, n, k, l - p)
             np.where(there, part, 0.0).transpose(0, 2, 3, 1)
             for part in self._driven(channels, np.moveaxis(late, 2, 1))
         )
         XX, XB, Xy, at = suffix.rows(np.clip(rows - half + self._near, 0, m))
         XX += np.sum(driven @ np.swapaxes(weighted, 2, 3), axis=0)
         for part, c in zip(driven, channels, strict=True):
-            XBy = part @ np.swapaxes(self._windows[c][rows], 1, 2)
+            XBy = part @ np.swapaxes(self._windows[c][rows], 1, 2)  # (n, k, b' + 1)
             XB += XBy[..., :-1]
             Xy += XBy[..., -1]
         return Sums(XX, XB, Xy, at)

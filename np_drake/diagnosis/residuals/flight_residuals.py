@@ -37,6 +37,7 @@ WRENCH = slice(0, 6)
 POSITION = slice(6, 9)
 VELOCITY = slice(9, 12)
 ATTITUDE = slice(12, 15)
+ALONG_THRUST = 11  # of the velocity: dv/dt - a along body z
 SIZE = 15
 
 

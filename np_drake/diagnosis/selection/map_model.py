@@ -18,7 +18,6 @@ from np_drake.diagnosis.forward_model import NEVER, predicted_residual
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
-    Candidate,
     Model,
     RegressionProblem,
     hidden_from,
@@ -66,50 +65,49 @@ def condition(
     ]
     candidates = [*plain, *([] if still_air else wind_candidates(flights, plain))]
 
-    def problem(
-        noise: NoiseModel, chosen: Sequence[Candidate], temperature: float = 1.0
-    ) -> RegressionProblem:
-        return RegressionProblem(
-            flights, noise, nuisance, list(chosen), temperature=temperature, options=options
-        )
+    problem = partial(RegressionProblem, nuisance=nuisance, temperature=1.0, options=options)
+    temperature = options.priors.temperature
 
     # 1. Outliers, by what is left of the channels under white weights.
     white = scale_only([flight.y for flight in flights], step)
-    sought = problem(white, candidates, options.priors.temperature)
+    sought = problem(flights, white, candidates=candidates, temperature=temperature)
     everything = [*candidates, *switched_candidates(OnsetScan(sought)), *new_conditions(sought)]
-    residual = _residuals_of_all_effects(problem(white, everything))
-    flights = [
+    residual = _residuals_of_all_effects(problem(flights, white, candidates=everything))
+    marked = [
         dc.replace(flight, outliers=flight.outliers | find_outliers(r, step))
         for flight, r in zip(flights, residual, strict=True)
     ]
-    channels = [flight.bridged(flight.y) for flight in flights]
+    channels = [flight.bridged(flight.y) for flight in marked]
     white = scale_only(channels, step)
-    if any(flight.outliers.any() for flight in flights):
-        residual = _residuals_of_all_effects(problem(white, everything))
+    if any(flight.outliers.any() for flight in marked):
+        residual = _residuals_of_all_effects(problem(marked, white, candidates=everything))
 
     # 2. Payloads, beside the best variant of every other effect.
-    noise = noise_of(flights, residual, channels, options, error)
-    alone = RegressionProblem(flights, noise, [], plain, temperature=1.0, options=options)
+    noise = noise_of(marked, residual, channels, options, error)
+    alone = problem(marked, noise, nuisance=[], candidates=plain)
     others = [plain[i] for i in _best_variants(alone)]
-    after_others = no_worse(_residuals_of_all_effects(problem(white, others)), channels)
-    weights = (white, scale_only(after_others, step))  # a light payload shows in the second alone
+    after_others = _residuals_of_all_effects(problem(marked, white, candidates=others))
+    # A light payload shows in the second alone.
+    weights = (white, scale_only(no_worse(after_others, channels), step))
     search = PayloadSearch(
-        [flight for flight in flights if not flight.earlier], options, lengths=lengths
+        [flight for flight in marked if not flight.earlier], options, lengths=lengths
     )
-    tried = () if PAYLOAD in hidden_from(flights) else weights
+    tried = () if PAYLOAD in hidden_from(marked) else weights
     followed = next(filter(None, (search.followed(n, nuisance, others) for n in tried)), [])
     payloads = [candidate for _, candidate in followed]
     if earlier := dict[str, float | None](
-        (flight.name, NEVER) for flight in flights if flight.earlier
+        (flight.name, NEVER) for flight in marked if flight.earlier
     ):
-        payloads = [switched(c, flights, earlier) for c in payloads]
+        payloads = [switched(c, marked, earlier) for c in payloads]
 
     # 3. Noise. A swing that is not fitted yet is a resonance of the noise, which would hide it:
     # white weights do not.
     first = weights[1] if payloads else noise
-    residual = _residuals_of_all_effects(problem(first, [*everything, *payloads]))
-    noise = noise_of(flights, residual, channels, options, error)
-    return problem(noise, [*candidates, *payloads], options.priors.temperature)
+    residual = _residuals_of_all_effects(
+        problem(marked, first, candidates=[*everything, *payloads])
+    )
+    noise = noise_of(marked, residual, channels, options, error)
+    return problem(marked, noise, candidates=[*candidates, *payloads], temperature=temperature)
 
 
 def noise_of(
@@ -218,34 +216,35 @@ def find_map_model(
     lengths: as of `condition`.
     """
     options = with_input(options, flights) if options else options_of(flights)
-    of = condition(flights, options, still_air=still_air, lengths=lengths)
-    priors = options.priors
-    best = None
-    noise = of.noise
-    channels = [flight.bridged(flight.y) for flight in of.flights]
-    hung = list[Candidate]()
-    acting = list[Candidate]()
-    for first in (True, False):
-        known = [*of.candidates, *hung]
-        begun = [c for c in acting if c.onset and not any(c is other for other in known)]
-        problem = of.extended([*hung, *begun], noise)
-        scan = OnsetScan(
-            problem, [i for i, c in enumerate(problem.candidates) if any(c is a for a in acting)]
-        )
-        late = switched_candidates(scan)
-        if first:
-            hung = [*late_payloads(scan, late, lengths), *changing_payloads(problem, lengths)]
-            problem = problem.extended(hung)
-        problem = problem.extended([*late, *new_conditions(problem)])
-        models = search(problem)
-        acting = [problem.candidates[i] for i in models[0].members]
-        fit = first_fit if best is None else partial(refit, known=best)
-        best = fit(problem, models[0], iterations=3)
-        residuals = [best.residual(flight) for flight in of.flights]
-        noise = noise_of(of.flights, residuals, channels, options, priors.linear_error)
-    assert best is not None
-    exact = noise_of(of.flights, residuals, channels, options)
-    return Ranking((best,), exact, problem, tuple(models), options)
+    conditioned = condition(flights, options, still_air=still_air, lengths=lengths)
+
+    # Once with the noise if all candidates help.
+    scan = OnsetScan(conditioned)
+    late = switched_candidates(scan)
+    hung = [*late_payloads(scan, late, lengths), *changing_payloads(conditioned, lengths)]
+    settled = conditioned.extended(hung)
+    problem = settled.extended([*late, *new_conditions(settled)])
+    best_set = search(problem)[0]
+    fit = first_fit(problem, best_set, iterations=3)
+
+    # Once more with the noise that this fit leaves, and onsets beside the effects of this fit.
+    acting = [problem.candidates[i] for i in best_set.members]
+    begun = [c for c in acting if c.onset and not any(c is other for other in settled.candidates)]
+    noise = _noise_left(fit, conditioned, options.priors.linear_error)
+    settled = conditioned.extended([*hung, *begun], noise)
+    members = [i for i, c in enumerate(settled.candidates) if any(c is a for a in acting)]
+    late = switched_candidates(OnsetScan(settled, members))
+    problem = settled.extended([*late, *new_conditions(settled)])
+    models = search(problem)
+    fit = refit(problem, models[0], fit, iterations=3)
+    return Ranking((fit,), _noise_left(fit, conditioned), problem, tuple(models), options)
+
+
+def _noise_left(fit: Fit, problem: RegressionProblem, inexact: float = 0.0) -> NoiseModel:
+    """Return the noise that a fit leaves in the flights of a problem; inexact: as of `noise_of`."""
+    channels = [flight.bridged(flight.y) for flight in problem.flights]
+    residuals = [fit.residual(flight) for flight in problem.flights]
+    return noise_of(problem.flights, residuals, channels, problem.options, inexact)
 
 
 def search(problem: RegressionProblem) -> list[Model]:
