@@ -9,6 +9,7 @@ from np_drake.diagnosis.regressors.library_regressors import (
     WIND,
     Candidate,
     Onset,
+    at_value,
     hidden_from,
     library_candidates,
     options_of,

@@ -128,7 +128,7 @@ def _effect_candidates(
     grid = effect.grid(flights[0].vehicle)
     if effect.linear or settings != [{}] or not grid:
         return [_linear(effect, flights, onset, s, len(settings), stages) for s in settings]
-    return [_at_value(effect, flights, onset, values, len(grid), stages) for values in grid]
+    return [at_value(effect, flights, onset, values, len(grid), stages) for values in grid]
 
 
 def _linear(
@@ -197,7 +197,7 @@ def _not_negative(
     )
 
 
-def _at_value(
+def at_value(
     effect: type[Effect],
     flights: Sequence[FlightResiduals],
     onset: Onset,
