@@ -27,6 +27,7 @@ from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import HALF_WIDTH_95, Priors, Tolerance
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
+from np_drake.diagnosis.regressors.generic import VELOCITY_COLUMNS
 from np_drake.diagnosis.regressors.library_regressors import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Difference
@@ -241,7 +242,7 @@ def vehicle_columns(
     velocity = (f"{PREFIX}velocity",)
     first = np.cumsum([0] + [c.size for c in groups])
     own_axis = [
-        first[k] + 7 * axis
+        first[k] + axis * VELOCITY_COLUMNS + axis
         for k, c in enumerate(groups)
         if c.identifiers == velocity
         for axis in range(3)
@@ -269,7 +270,7 @@ def vehicle_columns(
     return [partial(columns_of, effect_priors=shared), of_air]
 
 
-def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
+def subtract_file_calibration(flight: FlightResiduals) -> FlightResiduals:
     """Return the flight against the vehicle with the calibration of its file: its part that is not
     in the rotors.
     """
@@ -403,7 +404,7 @@ def _lagged(flight: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]
     return torques[:, :-1], torques[:, -1]
 
 
-def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> list[FlightResiduals]:
+def scale_torque(flights: Sequence[FlightResiduals], gain: np.ndarray) -> list[FlightResiduals]:
     """Return flights whose motion shows that share of all torque: that of the rotors, and that of
     any effect.
 

@@ -22,9 +22,9 @@ import numpy as np
 from np_drake.diagnosis.calibration import (
     calibration_effects,
     differences,
+    scale_torque,
+    subtract_file_calibration,
     torque_gain,
-    with_fixed_effects,
-    with_torque_gain,
 )
 from np_drake.diagnosis.decision.decide import (
     decide,
@@ -54,9 +54,14 @@ from np_drake.diagnosis.gap import (
     with_held_out_gains,
 )
 from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gusts
-from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
+from np_drake.diagnosis.held_out import (
+    HeldOut,
+    mark_outliers,
+    on_held_out,
+    subtract_fitted_calibration,
+)
 from np_drake.diagnosis.options import Options, Tolerance
-from np_drake.diagnosis.regressors import tolerance_of, with_input
+from np_drake.diagnosis.regressors import tolerance_of, widen_tolerance
 from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.report.words import headline
 from np_drake.diagnosis.residuals import (
@@ -240,7 +245,7 @@ def _best_on_held_out(ranking: Ranking, judging: Sequence[FlightResiduals]) -> H
     best = ranking.best
     noise = ranking.noise
     options = ranking.options
-    calibrated = [with_calibration(best, flight, noise, options) for flight in judging]
+    calibrated = [subtract_fitted_calibration(best, flight, noise, options) for flight in judging]
     marked = [
         mark_outliers(best.terms, flight, noise, options.priors, best.calibration)
         for flight in calibrated
@@ -393,7 +398,7 @@ def _residuals(logs: Logs, vehicle: Vehicle) -> FittedAndJudging:
     step = common_step([log.t for log in (*logs.fitted, *logs.held_out)], len(logs.fitted))
 
     def flight_of(log: FlightLog) -> FlightResiduals:
-        return with_fixed_effects(make_flight_residuals(log, vehicle, step))
+        return subtract_file_calibration(make_flight_residuals(log, vehicle, step))
 
     before = [dc.replace(flight_of(log), earlier=True) for log in logs.before]
     fitted = [*before, *map(flight_of, logs.train)]
@@ -407,10 +412,10 @@ def _with_shown_torque(
     where all logs tell torque.
     """
     knows_torque = all(flight.knows_torque for flight in (*fitted, *judging))
-    if not (with_input(options, fitted).tolerance.unmeasured and knows_torque):
+    if not (widen_tolerance(options, fitted).tolerance.unmeasured and knows_torque):
         return fitted, judging
     gain = torque_gain(fitted)
-    return with_torque_gain(fitted, gain), with_torque_gain(judging, gain)
+    return scale_torque(fitted, gain), scale_torque(judging, gain)
 
 
 def _with_halves(
@@ -473,8 +478,10 @@ def split_flights(flights: Sequence[FlightResiduals]) -> FittedAndJudging:
             continue
         rows = int(np.searchsorted(log.t, middle))
         first = dc.replace(log.rows(0, rows), name=f"first half of {flight.name}")
-        half = with_fixed_effects(make_flight_residuals(first, flight.vehicle, flight.grid.step))
-        (half,) = with_torque_gain([half], np.array(flight.torque_gain))
+        half = subtract_file_calibration(
+            make_flight_residuals(first, flight.vehicle, flight.grid.step)
+        )
+        (half,) = scale_torque([half], np.array(flight.torque_gain))
         halves.append(dc.replace(half, goes_on=True))
         judges.append(dc.replace(flight, joined=flight.t <= middle))
     return halves, judges

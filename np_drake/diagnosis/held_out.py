@@ -340,7 +340,7 @@ def on_held_out(
     return HeldOut(flights, terms, residual, rows, full_flight, len(fit.terms))
 
 
-def with_calibration(
+def subtract_fitted_calibration(
     fit: Fit, flight: FlightResiduals, noise: NoiseModel, options: Options
 ) -> FlightResiduals:
     """Return a held-out flight without what the calibration of the vehicle gives, and what it

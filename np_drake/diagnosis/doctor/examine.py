@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.checks import require
-from np_drake.diagnosis.calibration import nuisance_of, with_fixed_effects
+from np_drake.diagnosis.calibration import nuisance_of, subtract_file_calibration
 from np_drake.diagnosis.doctor.flight_facts import (
     FlightFacts,
     findings_on,
@@ -508,7 +508,7 @@ def _with_answers(
     tell(0.2, "residuals")
     logs = [log.rows(0, int((log.t <= log.t[0] + MOST_SECONDS).sum())) for log in logs]
     step = common_step([log.t for log in logs], len(logs))
-    flights = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
+    flights = [subtract_file_calibration(make_flight_residuals(log, vehicle, step)) for log in logs]
     findings = [finding for flight in flights for finding in findings_on(flight)]
     moving = excitation(flights)
     options = options_of(flights, real=True if any(f.imported for f in report.flights) else None)

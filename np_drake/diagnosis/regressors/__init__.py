@@ -15,8 +15,8 @@ from np_drake.diagnosis.regressors.library_regressors import (
     options_of,
     switched,
     tolerance_of,
+    widen_tolerance,
     wind_candidates,
-    with_input,
 )
 from np_drake.diagnosis.regressors.regression_problem import (
     Model,

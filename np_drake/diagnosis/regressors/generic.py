@@ -199,6 +199,9 @@ def _side_force(s: FlightState) -> np.ndarray:
     return np.concatenate([_each(across[:, i : i + 1], [i]) for i in range(3)], axis=2)
 
 
+VELOCITY_COLUMNS = 6  # of each axis of force: velocity and its cube along x, y and z
+
+
 def _velocity(s: FlightState) -> np.ndarray:
     v = s.v / 2.0
     speed = np.linalg.norm(v, axis=1, keepdims=True)

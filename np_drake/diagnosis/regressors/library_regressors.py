@@ -338,17 +338,17 @@ def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
 
 
 def options_of(flights: Sequence[FlightResiduals], *, real: bool | None = None) -> Options:
-    """Return the options of these flights (`with_input`).
+    """Return the options of these flights (`widen_tolerance`).
 
     Args:
         real: whether their sensors are; None: as the logs look.
     """
-    return with_input(
+    return widen_tolerance(
         Options.for_sensors(tolerance_of(flights).real if real is None else real), flights
     )
 
 
-def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
+def widen_tolerance(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     """Return the options whose tolerance holds what vehicle file and input of these flights leave
     open.
     """

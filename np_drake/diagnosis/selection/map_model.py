@@ -25,8 +25,8 @@ from np_drake.diagnosis.regressors import (
     options_of,
     prior_of,
     switched,
+    widen_tolerance,
     wind_candidates,
-    with_input,
 )
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_outliers
 from np_drake.diagnosis.selection.change_point import (
@@ -215,7 +215,7 @@ def find_map_model(
     options: all that steers the answer; default: as the logs look (`tolerance_of`). still_air,
     lengths: as of `condition`.
     """
-    options = with_input(options, flights) if options else options_of(flights)
+    options = widen_tolerance(options, flights) if options else options_of(flights)
     conditioned = condition(flights, options, still_air=still_air, lengths=lengths)
 
     # Once with the noise if all candidates help.

@@ -7,7 +7,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration import of_vehicle, with_fixed_effects
+from np_drake.diagnosis.calibration import of_vehicle, subtract_file_calibration
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Tolerance
 from np_drake.diagnosis.residuals import WRENCH, make_flight_residuals
@@ -46,7 +46,7 @@ def flown(fly):
 
     def residuals(*effects, vehicle=FILE):
         log = fly(*effects_of(KNOWN, PLAIN), *effects, vehicle=PLAIN, name="a", seed=1, seconds=6.0)
-        return with_fixed_effects(make_flight_residuals(log, vehicle))
+        return subtract_file_calibration(make_flight_residuals(log, vehicle))
 
     return residuals
 

@@ -10,9 +10,9 @@ from np_drake.diagnosis.calibration import (
     columns_of,
     drift_columns,
     of_vehicle,
+    scale_torque,
     torque_gain,
     vehicle_columns,
-    with_torque_gain,
 )
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Options, Tolerance
@@ -90,7 +90,7 @@ def test_torque_that_trims_a_moment_is_shown(seen, effect):
 
 
 def test_the_gain_leaves_the_gap_against_the_file_and_takes_torque_alone(weak):
-    (scaled,) = with_torque_gain([weak], SHARE)
+    (scaled,) = scale_torque([weak], SHARE)
     assert scaled.against_file == pytest.approx(weak.y)
     assert scaled.nominal[:, TORQUE] == pytest.approx(weak.nominal[:, TORQUE] * SHARE, abs=1e-9)
     assert scaled.nominal[:, 2] == pytest.approx(weak.nominal[:, 2])

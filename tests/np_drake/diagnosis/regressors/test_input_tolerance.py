@@ -11,7 +11,7 @@ from np_drake.diagnosis.calibration import flight_errors, healthy_prior, nuisanc
 from np_drake.diagnosis.effect_prior import columns_of, file_priors
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Options, Priors, Tolerance
-from np_drake.diagnosis.regressors import library_candidates, with_input
+from np_drake.diagnosis.regressors import library_candidates, widen_tolerance
 from np_drake.diagnosis.regressors.library_regressors import THROTTLE_SCALE, command_timing
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
 from np_drake.effects.gyro_bias import GyroBias
@@ -51,8 +51,11 @@ def test_the_larger_of_tolerance_and_vehicle_files_statement_counts(fly, options
     log, own = fly(seed=1, noise=1.0), options.tolerance
     own = dc.replace(own, unmeasured=own.real)  # no file states that commands are held
     for stated, counts in [((None, None), own), ((1e-4, 1e-4), own)]:
-        assert with_input(options, [make_flight_residuals(log, vague(*stated))]).tolerance == counts
-    open_ = with_input(options, [make_flight_residuals(log, vague(0.02, 0.03))]).tolerance
+        assert (
+            widen_tolerance(options, [make_flight_residuals(log, vague(*stated))]).tolerance
+            == counts
+        )
+    open_ = widen_tolerance(options, [make_flight_residuals(log, vague(0.02, 0.03))]).tolerance
     assert open_ == dc.replace(own, mass=0.02, thrust=0.03)
     assert open_.real is own.real  # how well a vehicle is known tells nothing about sensors
 
@@ -61,7 +64,7 @@ def test_a_throttle_opens_scale_and_curve(fly):
     # other vehicles have a drift in their calibration
     held = dc.replace(VEHICLE, command_timing="held")
     flight = make_flight_residuals(with_throttle(fly(seed=1, noise=1.0), 1.5), held)
-    open_ = with_input(Options.for_sensors(True), [flight]).tolerance
+    open_ = widen_tolerance(Options.for_sensors(True), [flight]).tolerance
     assert open_.thrust == THROTTLE_SCALE
     assert open_.throttle_curve > 0
     assert (open_.mass, open_.attitude) == (Tolerance().mass, Tolerance().attitude)
@@ -90,7 +93,7 @@ def test_a_throttle_opens_the_mounting_and_the_latency_of_its_autopilot(flights)
     flying = [
         dc.replace(e, vehicle=held, log=dc.replace(e.log, input="normalised")) for e in flights
     ]
-    open_ = with_input(Options.for_sensors(True), flying).tolerance
+    open_ = widen_tolerance(Options.for_sensors(True), flying).tolerance
     found = {d.name: set(d.sigma.values()) for d in file_priors(Vehicle(), open_)}
     assert found["imu_mounting"] == {HEALTHY.mounting}
     assert found["attitude_latency"] == {HEALTHY.latency}
@@ -141,11 +144,11 @@ def test_what_is_stated_of_some_axes_does_not_excuse_the_others(flights, axes, e
 
 def test_a_stated_vehicle_whose_logs_hold_its_commands_is_measured(fly):
     flight = make_flight_residuals(fly(seed=1, noise=1.0), STATED)
-    found = with_input(Options.for_sensors(True), [flight]).tolerance
+    found = widen_tolerance(Options.for_sensors(True), [flight]).tolerance
     assert not found.unmeasured
     assert found.thrust == pytest.approx(0.04 / 1.96)
     slow = dc.replace(flight, log=dc.replace(flight.log, timing=0.01))
-    assert with_input(Options.for_sensors(True), [slow]).tolerance.unmeasured
+    assert widen_tolerance(Options.for_sensors(True), [slow]).tolerance.unmeasured
 
 
 def test_every_flight_drifts_on_its_own(flights):

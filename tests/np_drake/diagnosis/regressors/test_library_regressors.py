@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import library_candidates, wind_candidates
-from np_drake.diagnosis.regressors.library_regressors import _not_negative, with_input
+from np_drake.diagnosis.regressors.library_regressors import _not_negative, widen_tolerance
 from np_drake.effects.base import correlation_root
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
@@ -68,7 +68,7 @@ def test_wind_is_felt_through_the_drag_that_comes_with_it(flights, candidates, d
 @pytest.mark.parametrize("timing, unmeasured", [("held", False), ("unknown", True)])
 def test_a_file_that_states_how_commands_act_describes_the_vehicle(seen, timing, unmeasured):
     e = seen(vehicle=Vehicle(command_timing=timing), seed=1, seconds=4.0)
-    assert with_input(Options.for_sensors(True), [e]).tolerance.unmeasured is unmeasured
+    assert widen_tolerance(Options.for_sensors(True), [e]).tolerance.unmeasured is unmeasured
 
 
 @given(st.integers(0, 2**31))
