@@ -72,7 +72,7 @@ def minimise(
                 cost = cost_new
                 damping = damping / 10
                 break
-            damping = max(10 * damping, 1e-3)
+            damping = 10 * damping or 1e-3
         if before - cost < DONE:  # the information of the last step still holds
             return Minimum(z, cost, H, r)
     return Minimum(z, cost, normal(z, r)[0], r)
