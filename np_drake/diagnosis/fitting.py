@@ -313,11 +313,13 @@ class _WhitenedModel:
         scores = []
         for flight in self._flights:
             X, at = self._white.columns[flight.name]
-            missed = best.residual[self._white.rows[flight.name], None]
-            each = np.zeros((len(missed), len(best.z)))
-            each[:, :n] = self._derivatives[flight.name] * missed
-            each[:, n + at] = X * missed
-            scores.append(np.add.reduceat(each, np.arange(0, len(each), size)))
+            missed = best.residual[self._white.rows[flight.name]]
+            starts = range(0, len(missed), size)
+            scores.append(np.zeros((len(starts), len(best.z))))
+            for score, start in zip(scores[-1], starts, strict=True):
+                block = slice(start, start + size)
+                score[:n] = missed[block] @ self._derivatives[flight.name][block]
+                score[n + at] = missed[block] @ X[block]
         prior = np.eye(len(best.z))
         prior[:n, :n] = self.prior.T @ self.prior
         least, *clustered = clustered_covariances(covariance, prior, scores)

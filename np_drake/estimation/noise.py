@@ -65,7 +65,7 @@ class NoiseModel:
         Returns: (m - p, c, ...) whitened values; the first p rows are dropped.
         """
         flat = np.asarray(values, float).reshape(*values.shape[:2], -1)
-        parts = self._driven([flat], flight)
+        parts = self.driven([flat], flight)
         driven = np.zeros((len(flat) - self.phi.shape[1], len(parts), flat.shape[2]))
         for i, (_, index, part) in enumerate(parts):
             driven[:, i, index] = part
@@ -99,7 +99,7 @@ class NoiseModel:
         # d.
         weight = self.weight
         out = np.zeros((size, size))
-        parts = self._driven(columns, flight)
+        parts = self.driven(columns, flight)
         for i, (c, index_c, driven_c) in enumerate(parts):
             for d, index_d, driven_d in (part for part in parts[: i + 1] if weight[c, part[0]]):
                 block = weight[c, d] * (driven_c.T @ driven_d)
@@ -108,7 +108,7 @@ class NoiseModel:
                     out[np.ix_(index_d, index_c)] += block.T
         return out
 
-    def _driven(
+    def driven(
         self, columns: Sequence[np.ndarray], flight: str
     ) -> list[tuple[int, np.ndarray, np.ndarray]]:
         """Return (channel, positions (k',) of its nonzero columns, innovations (m - p, k')) for

@@ -2,6 +2,7 @@
 flight.
 """
 
+import copy
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
 from functools import cached_property, reduce
@@ -244,13 +245,12 @@ class Sums(NamedTuple):
 class SwitchedRegressors:
     """Sums over the whitened rows of one flight, for columns X that begin at any of them.
 
-    Target y (m', 15) and columns B (m', 15, b) that act as well are not whitened yet.
-    products (b + 1, b + 1): inner products of whitened B and y. t (m,): times of the whitened rows
-    [s].
+    Target y (m', 15) and columns B (m', 15, b) that act as well are not whitened yet. t (m,): times
+    of the whitened rows [s]. at (b',): positions of the columns of B that act in the flight.
 
     Args:
         target: (m', 15) channels y.
-        others: (m', 15, b) columns B that act as well.
+        others: groups (m', 15, b_i) of the columns B.
         scale: factor on whitened values [1].
     """
 
@@ -259,7 +259,7 @@ class SwitchedRegressors:
         flight: FlightResiduals,
         noise: NoiseModel,
         target: np.ndarray,
-        others: np.ndarray,
+        others: Sequence[np.ndarray] = (),
         scale=1.0,
     ):
         self._flight = flight
@@ -271,19 +271,31 @@ class SwitchedRegressors:
         # Whitened rows about an onset in which switched and whole columns differ: they begin half
         # a rise before it.
         self._near = len(self._rise) + self._order
-        self.at = np.flatnonzero(others.any(axis=(0, 1)))
-        both = np.concatenate([others[..., self.at], target[..., None]], axis=-1)
-        active = np.flatnonzero(noise.active)
+        both = [flight.bridged(X) for X in (*others, target[..., None])]
+        driven = noise.driven(both, flight.name)
+        last = sum(X.shape[-1] for X in others)
+        self.at = np.setdiff1d(np.concatenate([[], *(at for _, at, _ in driven)]).astype(int), last)
+        # Innovations times `_facing` (15, m, b' + 1) equal whitened values times whitened B and y;
+        # rows beyond either end are zero.
         half = len(self._rise) // 2
-        m = len(self.t)
-        driven, weighted = self._driven(active, flight.bridged(both[:, active]))
-        # Innovations times this equal whitened values times whitened `both`; rows beyond either end
-        # are zero.
-        padded = np.zeros((both.shape[1], half + m + half + self._order, both.shape[2]))
-        self._facing = padded[:, half : half + m]
-        self._facing[active] = weighted
-        self._windows = sliding_window_view(padded, self._near, axis=1)
-        self.products = np.sum(np.swapaxes(driven, 1, 2) @ self._facing[active], axis=0)
+        rows = half + len(self.t) + half + self._order
+        self._padded = np.zeros((target.shape[1], rows, len(self.at) + 1))
+        for c, at, part in driven:
+            column = np.searchsorted(self.at, at)
+            for d in np.flatnonzero(noise.weight[c]):
+                self._facing[d][:, column] += scale * noise.weight[c, d] * part
+
+    @property
+    def _facing(self) -> np.ndarray:
+        half = len(self._rise) // 2
+        return self._padded[:, half : half + len(self.t)]
+
+    def left_by(self, coefficients: np.ndarray) -> "SwitchedRegressors":
+        """Return the same without B, y less B with these coefficients (b',)."""
+        left = copy.copy(self)
+        left._padded = (self._padded @ np.append(-coefficients, 1.0))[..., None]
+        left.at = self.at[:0]
+        return left
 
     def suffix_sums(self, X: np.ndarray) -> Sums:
         """Return the sums for columns (m', 15, k) over all rows from each row (m + 1) on, without a
@@ -324,8 +336,9 @@ class SwitchedRegressors:
         )
         XX, XB, Xy, at = suffix.rows(np.clip(rows - half + self._near, 0, m))
         XX += np.sum(driven @ np.swapaxes(weighted, 2, 3), axis=0)
+        windows = sliding_window_view(self._padded, self._near, axis=1)
         for part, c in zip(driven, channels, strict=True):
-            XBy = part @ np.swapaxes(self._windows[c][rows], 1, 2)  # (n, k, b' + 1)
+            XBy = part @ np.swapaxes(windows[c][rows], 1, 2)  # (n, k, b' + 1)
             XB += XBy[..., :-1]
             Xy += XBy[..., -1]
         return Sums(XX, XB, Xy, at)
@@ -366,7 +379,7 @@ def onset_log_likelihood(
         sizes: of `prediction` from its begin on, and after each change [1].
         cost: log likelihood that a change must bring.
     """
-    columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
+    columns = SwitchedRegressors(flight, noise, target)
     t = columns.t
     X = prediction[..., None]
     suffix = columns.suffix_sums(X)

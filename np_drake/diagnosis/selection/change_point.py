@@ -128,8 +128,6 @@ class OnsetScan:
         self.members = members
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
         scale = problem.temperature**-0.5
-        size = sum(c.size for c in chosen)
-        self._products = np.zeros((size + 1, size + 1))
         # Either side of what begins is then as long as a flight that can be diagnosed.
         self._edge = edge = LEAST_DURATION if problem.options.tolerance.unmeasured else ONSET_EDGE
         # From which an effect may be absent, as they go on or were before.
@@ -139,32 +137,32 @@ class OnsetScan:
         self._regressors: dict[str, SwitchedRegressors] = {}
         self._inside: dict[str, np.ndarray] = {}  # rows that may be onsets
         for flight in problem.flights:
-            none = np.zeros((*flight.y.shape, 0))
-            B = np.concatenate([none, *(c.columns[flight.name] for c in chosen)], axis=-1)
+            B = [c.columns[flight.name] for c in chosen]
             regressors = SwitchedRegressors(flight, problem.noise, flight.y, B, scale)
-            self._products[np.ix_(*[[*regressors.at, size]] * 2)] += regressors.products
             late = regressors.t > regressors.t[0] + edge
             early = regressors.t < regressors.t[-1] - edge
             self._regressors[flight.name] = regressors
             self._inside[flight.name] = np.flatnonzero(late & early)
         self._owner = np.repeat([-1] * len(problem.nuisance) + [*members], [c.size for c in chosen])
-        self._regress(np.arange(len(self._owner)))
+        self._regress(members)
 
-    def _regress(self, on: np.ndarray) -> None:
-        """Compute the posterior of these columns (b',) of what acts as well; the others are known
-        to be zero.
+    def _regress(self, members: Sequence[int]) -> None:
+        """Compute the posterior of the columns (b,) of nuisance and some of the members; the others
+        are known to be zero.
         """
         b = len(self._owner)
+        on = np.flatnonzero(np.isin(self._owner, [-1, *members]))
         self.covariance = np.zeros((b, b))
         self.mean = np.zeros(b)
-        inverse = np.linalg.inv(np.eye(len(on)) + self._products[np.ix_(on, on)])
-        self.covariance[np.ix_(on, on)] = inverse
-        self.mean[on] = inverse @ self._products[on, -1]
+        kept = [i for i in self.members if i in members]
+        self.mean[on], self.covariance[np.ix_(on, on)] = self.problem.total.posterior(
+            self.problem.columns(kept)
+        )
 
     def given(self, members: Sequence[int]) -> "OnsetScan":
         """Return the scan beside nuisance and some of its members alone, from the same sums."""
         fewer = copy.copy(self)
-        fewer._regress(np.flatnonzero(np.isin(self._owner, [-1, *members])))
+        fewer._regress(members)
         return fewer
 
     def rough_evidence(self, candidate: Candidate) -> float:
@@ -191,8 +189,11 @@ class OnsetScan:
         """
         pieces = [c.variant == PIECES for c in self.problem.candidates]
         mean = np.where(np.append(pieces, False)[self._owner], 0.0, self.mean)
-        suffix = self._regressors[name].suffix_sums(candidate.columns[name])
-        return suffix.XX[:, 0, 0], (suffix.Xy - suffix.XB @ mean[suffix.at])[:, 0]
+        regressors = self._regressors[name]
+        suffix = regressors.left_by(mean[regressors.at]).suffix_sums(
+            candidate.columns[name][..., :1]
+        )
+        return suffix.XX[:, 0, 0], suffix.Xy[:, 0]
 
     @property
     def _cost(self) -> float:
