@@ -143,9 +143,11 @@ def across(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return two unit vectors (..., 3) across n (..., 3) and each other, x and y of W where n
     points down.
     """
-    e_x = np.cross([0.0, 1.0, 0.0], -n)
-    e_x = e_x / np.maximum(np.linalg.norm(e_x, axis=-1, keepdims=True), 1e-9)
-    return e_x, np.cross(-n, e_x)
+    x, y, z = np.moveaxis(n, -1, 0)
+    span = np.maximum(np.hypot(x, z), 1e-9)
+    a = -z / span
+    c = x / span
+    return np.stack([a, 0.0 * a, c], axis=-1), np.stack([-y * c, x * c - z * a, y * a], axis=-1)
 
 
 def _jump(now, move, jump, step) -> None:

@@ -78,8 +78,11 @@ def induced_velocity(at_rest: np.ndarray, lateral: np.ndarray, axial: np.ndarray
     """
     # Newton's method on v through(v) = at_rest², from above, where it converges monotonically.
     v = at_rest + np.maximum(-axial, 0.0)
+    push = at_rest**2
+    across = lateral**2
     for _ in range(_NEWTON_STEPS):
-        through = np.maximum(np.hypot(lateral, v + axial), 1e-9)
-        slope = np.maximum(through + v * (v + axial) / through, 1e-9)
-        v = np.maximum(v - (v * through - at_rest**2) / slope, 0.0)
+        along = v + axial
+        through = np.maximum(np.sqrt(across + along**2), 1e-9)
+        slope = np.maximum(through + v * along / through, 1e-9)
+        v = np.maximum(v - (v * through - push) / slope, 0.0)
     return v
