@@ -24,7 +24,7 @@ from np_drake.diagnosis.effect_prior import (
     file_priors,
 )
 from np_drake.diagnosis.fitting import Fit, LinearPart
-from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.forward_model import Term, once, predicted_residual
 from np_drake.diagnosis.options import HALF_WIDTH_95, Priors, Tolerance
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
 from np_drake.diagnosis.regressors.generic import VELOCITY_COLUMNS
@@ -217,7 +217,11 @@ def nuisance_of(
     """
     vehicle = [
         Candidate(
-            (), LINEAR, {flight.name: of(flight) for flight in flights}, lambda c: [], generic=of
+            (),
+            LINEAR,
+            {flight.name: once(flight.made, (), of, flight) for flight in flights},
+            lambda c: [],
+            generic=of,
         )
         for of in vehicle_columns(flights, tolerance, priors)
     ]
@@ -335,6 +339,10 @@ def flight_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> l
 
 def errors_of(flight: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
     """Return columns (m, 15, k) of what a flight differs by from others of its vehicle."""
+    return once(flight.made, (tolerance,), _errors_of, flight, tolerance)
+
+
+def _errors_of(flight: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
     constant = columns_of(flight, of_flight(flight, tolerance))
     return np.concatenate(
         [constant, *([drift_columns(flight)] if tolerance.unmeasured else [])], axis=-1

@@ -400,7 +400,7 @@ def _residuals(logs: Logs, vehicle: Vehicle) -> FittedAndJudging:
     def flight_of(log: FlightLog) -> FlightResiduals:
         return subtract_file_calibration(make_flight_residuals(log, vehicle, step))
 
-    before = [dc.replace(flight_of(log), earlier=True) for log in logs.before]
+    before = [flight_of(log).revised(earlier=True) for log in logs.before]
     fitted = [*before, *map(flight_of, logs.train)]
     return fitted, [flight_of(log) for log in logs.held_out]
 
@@ -483,7 +483,7 @@ def split_flights(flights: Sequence[FlightResiduals]) -> FittedAndJudging:
         )
         (half,) = scale_torque([half], np.array(flight.torque_gain))
         halves.append(dc.replace(half, goes_on=True))
-        judges.append(dc.replace(flight, joined=flight.t <= middle))
+        judges.append(flight.revised(joined=flight.t <= middle))
     return halves, judges
 
 

@@ -240,6 +240,7 @@ class _WhitenedModel:
         self._white = problem.white_nuisance(noise)
         self._rows = max((rows.stop for rows in self._white.rows.values()), default=0)
         self._derivatives: dict[str, np.ndarray] = {}
+        self._stages: dict[str, Stages] = {}  # of the last residual
         self.prior = prior_whitening(terms, free)
         self.scale, neutral, lower, upper = (
             np.array([(f.scale, f.neutral, f.lower, f.upper) for f in free]).reshape(-1, 4).T
@@ -258,7 +259,9 @@ class _WhitenedModel:
         r = np.concatenate([np.empty(self._rows), self.prior @ (z[:n] - self._neutral), z[n:]])
         for flight in self._flights:
             X, at = self._white.columns[flight.name]
-            missed = flight.white(self._noise, flight.y - predicted_residual(flight, now)).ravel()
+            stages = self._stages[flight.name] = {}
+            predicted = predicted_residual(flight, now, stages)
+            missed = flight.white(self._noise, flight.y - predicted).ravel()
             r[self._white.rows[flight.name]] = self._root * missed - X @ z[n + at]
         return r
 
@@ -275,7 +278,9 @@ class _WhitenedModel:
         for flight in self._flights:
             X, at = self._white.columns[flight.name]
             missed = r[self._white.rows[flight.name]]
-            jacobian = flight.white(self._noise, scaled_jacobian(now, self._free, flight))
+            jacobian = flight.white(
+                self._noise, scaled_jacobian(now, self._free, flight, self._stages[flight.name])
+            )
             J = self._root * jacobian.reshape(len(missed), n)
             self._derivatives[flight.name] = J
             H[:n, :n] += J.T @ J
@@ -370,16 +375,19 @@ def refine(
 
 
 def scaled_jacobian(
-    now: Sequence[Term], free: Sequence[Free], flight: FlightResiduals
+    now: Sequence[Term], free: Sequence[Free], flight: FlightResiduals, stages: Stages | None = None
 ) -> np.ndarray:
     """Return the derivative (m, 15, k) of the predicted residual by the free parameters over their
     scales.
+
+    Args:
+        stages: parts of the flight's predicted residual that are known.
     """
     values = read(now, free)
     scale = np.array([f.scale for f in free])
     columns = np.zeros((*flight.y.shape, len(free)))
     base: dict[tuple[int, ...], np.ndarray] = {}
-    stages: Stages = {}
+    stages = {} if stages is None else stages
     swinging: dict[int, list[tuple[int, float, Term]]] = {}
     # Terms whose predicted residuals interact, to first order.
     interact = tuple(

@@ -313,14 +313,18 @@ def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray
     """
     if not effect.small:
         return _exact(flight, effect)
-    known = flight.small_errors
     kind = type(effect)
-    if kind not in known:
-        units = [{p.name: p.typical} for p in kind.parameters]
-        none = kind.neutral().values
-        columns = [_exact(flight, kind.of({**none, **u})) / sum(u.values()) for u in units]  # type: ignore[arg-type]
-        known[kind] = np.stack(columns, axis=-1)
-    return known[kind] @ np.array(list(effect.values.values()))
+    return once(flight.made, (kind,), _unit_errors, flight, kind) @ np.array(
+        list(effect.values.values())
+    )
+
+
+def _unit_errors(flight: FlightResiduals, kind: type[SensorEffect]) -> np.ndarray:
+    """Return what small errors of a sensor leave (m, 15, k), for a unit of each parameter."""
+    units = [{p.name: p.typical} for p in kind.parameters]
+    none = kind.neutral().values
+    columns = [_exact(flight, kind.of({**none, **u})) / sum(u.values()) for u in units]  # type: ignore[arg-type]
+    return np.stack(columns, axis=-1)
 
 
 def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
@@ -439,7 +443,7 @@ def true_measurement(
 Stages = dict[tuple, Any]
 
 
-def _once(stages: Stages, key: tuple, make: Callable[..., Any], *of: Any) -> Any:
+def once(stages: Stages, key: tuple, make: Callable[..., Any], *of: Any) -> Any:
     """Return the cached value of `make(*of)` for this key, computed on first use."""
     if (make, key) not in stages:
         stages[make, key] = make(*of)
@@ -457,7 +461,7 @@ def predicted_residual(
     stages = {} if stages is None else stages
     fixed = [Term(effect) for effect in flight.fixed]
     residual = _residual_of(flight, [*fixed, *terms], stages)
-    return residual - _once(stages, (), _residual_of, flight, fixed, stages) if fixed else residual
+    return residual - once(stages, (), _residual_of, flight, fixed, stages) if fixed else residual
 
 
 def _residual_of(flight: FlightResiduals, terms: Sequence[Term], stages: Stages) -> np.ndarray:
@@ -465,16 +469,16 @@ def _residual_of(flight: FlightResiduals, terms: Sequence[Term], stages: Stages)
     sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
     y = np.zeros_like(flight.y)
     for sensor in sensors:
-        y += _once(stages, (sensor,), sensor_residual, flight, sensor)
+        y += once(stages, (sensor,), sensor_residual, flight, sensor)
     if len(sensors) == len(terms) and not any(s.clock_shift for s in sensors):
         return flight.known(y)  # sensor effects alone change no wrench
     sensors = tuple(s for s in sensors if not s.small)
-    flight = _once(stages, sensors, without_errors, flight, sensors)
+    flight = once(stages, sensors, without_errors, flight, sensors)
     turning = tuple(
         (t.effect, t.begins(flight.name)) for t in terms if isinstance(t.effect, ActuatorEffect)
     )
     key = (turning, sum(s.clock_shift for s in sensors))
-    turned = _once(stages, key, _turned, flight, terms)
+    turned = once(stages, key, _turned, flight, terms)
     added = _added_wrench(flight, terms, turned, (key, sensors), stages)
     needed, share = _by_changed_mass(flight, terms, added, turned.ahead)
     if flight.log.a is not None:
@@ -500,9 +504,9 @@ def _added_wrench(
             pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity
         )
         moving = (*key, winds)
-        motions = _once(stages, moving, _motions, flight, turned, winds)
+        motions = once(stages, moving, _motions, flight, turned, winds)
         for one in (pair for pair in pushing if pair[0].pushes or pair[0].turns):
-            added = added + _once(stages, (moving, one), _wrench, flight, *one, *motions)
+            added = added + once(stages, (moving, one), _wrench, flight, *one, *motions)
     for term in terms:
         if term.effect.has_hidden_state:
             # Of one suspended payload, the mean over samples of its state.
@@ -646,16 +650,19 @@ def _wrench(
 ) -> np.ndarray:
     """Return the wrench (m, 6) of one effect in B on the grid [N, N·m]."""
 
-    acting = effect.near(flight.log.neighbours)
+    acting: WrenchEffect = effect.near(flight.log.neighbours)
 
     def at(motion: Motion) -> np.ndarray:
-        return acting.wrench(flight.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
+        if type(acting).wrench is WrenchEffect.wrench:
+            body = acting.body_wrench(flight.vehicle, motion)
+        else:  # its law is in W
+            body = acting.wrench(flight.vehicle, motion)
+            body[:, FORCE] = (body[:, None, FORCE] @ motion.R_WB)[:, 0]
+        return body * gate(motion.t, begin)  # type: ignore[arg-type]
 
     out = np.zeros((len(flight.t), 6))
     if effect.pushes:
-        out[:, FORCE] = flight.from_rows(
-            np.einsum("mi,mij->mj", at(at_force)[:, :3], flight.rows.R_WB)
-        )
+        out[:, FORCE] = flight.from_rows(at(at_force)[:, :3])
     if effect.turns:
         out[:, TORQUE] = flight.from_mids(at(at_torque)[:, 3:])
     return out

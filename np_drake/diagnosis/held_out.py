@@ -56,7 +56,7 @@ def adapt(
     sudden.
     """
     if calibration:
-        flight = dc.replace(flight, y=flight.y - predicted_residual(flight, calibration))
+        flight = flight.revised(y=flight.y - predicted_residual(flight, calibration))
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
     # Of a wind, the drag through which it acts, if they began together in the fit.
     drag_of = {
@@ -89,19 +89,19 @@ def mark_outliers(
     are taken in turn.
     """
     marked = flight
-    flight = dc.replace(flight, y=flight.y - predicted_residual(flight, calibration))
+    flight = flight.revised(y=flight.y - predicted_residual(flight, calibration))
     for _ in range(MOST_JUMPS if has_swing(terms) else 0):
         # Where a swing is lost it misses ever more.
         outliers = _outliers(terms, flight, noise, priors, most=1.0)
         if flight.outliers.any():
             outliers &= flight.t > flight.t[np.flatnonzero(flight.outliers)[-1]] + OUTLIERS_APART
         if not outliers.any():
-            return dc.replace(marked, outliers=flight.outliers)
+            return marked.revised(outliers=flight.outliers)
         start = int(np.argmax(outliers))
         first = np.zeros_like(outliers)
         first[start : start + int(np.argmin(np.append(outliers[start:], False)))] = True
-        flight = dc.replace(flight, outliers=flight.outliers | first)
-    return dc.replace(marked, outliers=flight.outliers | _outliers(terms, flight, noise, priors))
+        flight = flight.revised(outliers=flight.outliers | first)
+    return marked.revised(outliers=flight.outliers | _outliers(terms, flight, noise, priors))
 
 
 def _outliers(
@@ -351,11 +351,11 @@ def subtract_fitted_calibration(
     if not options.tolerance.real:
         return flight
     errors = errors_of(flight, options.tolerance)
-    flight = dc.replace(flight, y=flight.uncalibrated, calibrated=0.0)
+    flight = flight.revised(y=flight.uncalibrated, calibrated=0.0)
     shared = sum(
         (columns(flight) @ c for columns, c in fit.calibrated), start=np.zeros_like(flight.y)
     )
-    there = dc.replace(flight, y=flight.y - shared)
+    there = flight.revised(y=flight.y - shared)
     terms = adapt(
         fit.terms,
         there,
@@ -369,7 +369,7 @@ def subtract_fitted_calibration(
     louder = with_loudness(noise, [flight.bridged(residual)], [flight.name], quietest=1.0)
     mean, _ = there.gram(louder, [errors], residual).posterior(np.arange(errors.shape[-1]))
     given = shared + errors @ mean
-    return dc.replace(flight, y=flight.known(flight.y - given), calibrated=flight.known(given))
+    return flight.revised(y=flight.known(flight.y - given), calibrated=flight.known(given))
 
 
 def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:

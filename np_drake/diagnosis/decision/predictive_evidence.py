@@ -13,9 +13,16 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from np_drake.diagnosis.calibration import errors_of, of_flight, of_vehicle, vehicle_columns
+from np_drake.diagnosis.calibration import errors_of, of_flight, of_vehicle
 from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, read, scaled_jacobian
-from np_drake.diagnosis.forward_model import NEVER, STATE, Term, predicted_residual, with_dependants
+from np_drake.diagnosis.forward_model import (
+    NEVER,
+    STATE,
+    Term,
+    once,
+    predicted_residual,
+    with_dependants,
+)
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
@@ -237,9 +244,12 @@ class _LinearFlights:
         self._flights = ranking.problem.flights
         self._held_out = held_out
         tolerance = ranking.options.tolerance
-        vehicle = vehicle_columns(self._flights, tolerance, ranking.options.priors)
+        vehicle = [c.generic for c in ranking.problem.linear if c.generic]
         self._columns = {
-            flight.name: ([of(flight) for of in vehicle], errors_of(flight, tolerance))
+            flight.name: (
+                [once(flight.made, (), of, flight) for of in vehicle],
+                errors_of(flight, tolerance),
+            )
             for flight in (*self._flights, *held_out.flights)
         }
 

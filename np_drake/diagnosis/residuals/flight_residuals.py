@@ -3,6 +3,7 @@
 import dataclasses as dc
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -170,9 +171,9 @@ class FlightResiduals:
         return np.concatenate([[0.0, 0.0], f_tau, np.zeros(SIZE - 6)])
 
     @cached_property
-    def small_errors(self) -> dict[type, np.ndarray]:
-        """Cache of what small sensor errors leave: by effect, (m, 15, k) for a unit of each
-        parameter.
+    def made(self) -> dict[tuple, Any]:
+        """Cache of what follows from motion and rotors: by the function that made it, and of
+        what.
         """
         return {}
 
@@ -249,7 +250,27 @@ class FlightResiduals:
         )
         by_row = ("y", "nominal", "w", "outliers", "joined", "calibrated", "given")
         cut = {name: getattr(self, name)[:n] for name in by_row if np.ndim(getattr(self, name))}
-        return dc.replace(self, grid=grid, **cut)
+        head = dc.replace(self, grid=grid, **cut)
+        vars(head).update(
+            rotors=self.rotors,
+            wrench_states=self.wrench_states,
+            from_rows=self.from_rows.head(grid),
+            from_mids=self.from_mids.head(grid),
+            R_WB=self.R_WB[:n],
+            driving=self.driving[: n - 1],
+            moving=self.moving[: n - 1],
+        )
+        return head
+
+    def revised(self, **fields: Any) -> "FlightResiduals":
+        """Return the flight with other residuals, outliers or marks; what follows from its motion
+        is kept.
+        """
+        for name in ("from_rows", "from_mids", "rotors", "made"):
+            getattr(self, name)  # which both flights share from now on
+        revised = dc.replace(self, **fields)
+        vars(revised).update({**vars(self), **vars(revised)})
+        return revised
 
     def begun(self, onset: float | None) -> np.ndarray:
         """Return a step (m, 15) that is one from `onset` [s] on (None and -inf: always), smeared as

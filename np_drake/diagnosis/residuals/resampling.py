@@ -125,6 +125,10 @@ class Resampler:
             grid, scipy.sparse.csr_array((share, (cell, interval)), (len(grid.fine), len(t) - 1))
         )
 
+    def head(self, grid: Grid) -> "Resampler":
+        """Return the map to the first rows of the grid."""
+        return Resampler(grid, self._weights[: len(grid.fine)])
+
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Return values (n, ...) resampled to the grid (m, ...)."""
         fine = self._weights @ values.reshape(len(values), -1)

@@ -74,7 +74,7 @@ def condition(
     everything = [*candidates, *switched_candidates(OnsetScan(sought)), *new_conditions(sought)]
     residual = _residuals_of_all_effects(problem(flights, white, candidates=everything))
     marked = [
-        dc.replace(flight, outliers=flight.outliers | find_outliers(r, step))
+        flight.revised(outliers=flight.outliers | find_outliers(r, step))
         for flight, r in zip(flights, residual, strict=True)
     ]
     channels = [flight.bridged(flight.y) for flight in marked]
