@@ -18,6 +18,7 @@ from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, read, scaled_
 from np_drake.diagnosis.forward_model import (
     NEVER,
     STATE,
+    Stages,
     Term,
     once,
     predicted_residual,
@@ -317,8 +318,17 @@ def _blocks(
     n = sum(not f.flight for f in free)
     scale, neutral = (np.array([getattr(f, name) for f in free]) for name in ("scale", "neutral"))
     away = (read(terms, free) - neutral) / scale
-    J = _through_neutral(scaled_jacobian(terms, free, flight), flight, terms, free, away)
-    target = flight.uncalibrated - predicted_residual(flight, terms) + J @ away
+    stages: Stages = {}
+    J = scaled_jacobian(terms, free, flight, stages)
+    predicted = predicted_residual(flight, terms, stages)
+    of_term = np.array([f.term for f in free])
+    for i in set(of_term.tolist()):
+        rest = [t for k, t in enumerate(terms) if k != i]
+        distance = np.where(of_term == i, away, 0.0)
+        if distance.any():
+            given = predicted - predicted_residual(flight, rest, stages)
+            J = _through_neutral(J, distance, given)
+    target = flight.uncalibrated - predicted + J @ away
     root = np.linalg.inv(prior_whitening(terms, free[:n]))
     parts = [J[..., :n] @ root, *vehicle, J[..., n:], errors, target[..., None]]
     white = flight.white(noise, np.concatenate(parts, axis=-1))[:, noise.active]
@@ -332,28 +342,14 @@ def _blocks(
     return Blocks(grams, values, np.array(owners, int), n + len(none))
 
 
-def _through_neutral(
-    J: np.ndarray,
-    flight: FlightResiduals,
-    terms: Sequence[Term],
-    free: Sequence[Free],
-    away: np.ndarray,
-) -> np.ndarray:
-    """Return the derivatives (m, 15, k), changed so that they lead from each term to its absence.
+def _through_neutral(J: np.ndarray, distance: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """Return the derivatives (m, 15, k), changed so that they lead from a term to its absence, over
+    this distance (k,) with what the term gives (m, 15).
 
     A term that is far from neutral is not linear in its parameters: its derivative there would
     predict something of its absence. Source: secant update of rank one (Broyden).
     """
-    J = J.copy()
-    predicted = predicted_residual(flight, terms)
-    of_term = np.array([f.term for f in free])
-    for i in set(of_term.tolist()):
-        distance = np.where(of_term == i, away, 0.0)
-        if distance.any():
-            rest = predicted_residual(flight, [t for k, t in enumerate(terms) if k != i])
-            given = predicted - rest
-            J += (given - J @ distance)[..., None] * (distance / (distance @ distance))
-    return J
+    return J + (given - J @ distance)[..., None] * (distance / (distance @ distance))
 
 
 def visible_changes(ranking: Ranking) -> dict[str, float]:

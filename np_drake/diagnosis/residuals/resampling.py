@@ -82,6 +82,10 @@ class Resampler:
     def __init__(self, grid: Grid, weights: "scipy.sparse.csr_array"):
         self._factor = grid.factor
         self._weights = weights
+        # The reach of the low-pass beyond either end, where the fine grid is held.
+        reach = TAPS * grid.factor * (grid.factor > 1)
+        rows = np.arange(-reach, weights.shape[0] + reach)
+        self._held = weights[np.clip(rows, 0, weights.shape[0] - 1)]
 
     @classmethod
     def of_instants(cls, grid: Grid, t: np.ndarray) -> "Resampler":
@@ -131,13 +135,10 @@ class Resampler:
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Return values (n, ...) resampled to the grid (m, ...)."""
-        fine = self._weights @ values.reshape(len(values), -1)
+        fine = self._held @ values.reshape(len(values), -1)
         if self._factor > 1:
-            half = TAPS * self._factor
-            padded = np.pad(fine, ((half, half), (0, 0)), mode="edge")
-            fine = sliding_window_view(padded, 2 * half + 1, axis=0)[:: self._factor] @ _low_pass(
-                self._factor
-            )
+            taps = _low_pass(self._factor)
+            fine = sliding_window_view(fine, len(taps), axis=0)[:: self._factor] @ taps
         return fine.reshape(-1, *values.shape[1:])
 
 

@@ -288,17 +288,18 @@ class OtherRegressors:
         self._nuisance = sum(c.size for c in nuisance)
         candidates = [*nuisance, *others]
         self._size = sum(c.size for c in candidates)
-        self._white = []
+        # By flight, y (m, 6) and for each channel the columns (m, b') that are not zero there, with
+        # their positions.
+        self._white: list[tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]] = []
         for flight in flights:
             y = flight.y[:, :CHANNELS, None]
             X = np.concatenate(
-                [y[..., :0], *(c.columns[flight.name][: len(y), :CHANNELS] for c in candidates)],
-                axis=-1,
+                [y, *(c.columns[flight.name][: len(y), :CHANNELS] for c in candidates)], axis=-1
             )
-            acting = np.flatnonzero(X.any(axis=(0, 1)))
-            self._white.append(
-                (self._flat(flight, X[..., acting]), self._flat(flight, y)[:, 0], acting)
-            )
+            white = self._whitened(flight, X)
+            acting = [np.flatnonzero(white[:, c, 1:].any(axis=0)) for c in range(CHANNELS)]
+            by_channel = [(white[:, c, 1 + at], at) for c, at in enumerate(acting)]
+            self._white.append((white[..., 0], by_channel))
         self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_outliers()))})
         self.heads = {
             h: [flight.head(self._end(flight, h)) for flight in flights] for h in self.horizons
@@ -313,8 +314,8 @@ class OtherRegressors:
         return int(np.searchsorted(flight.t, self._begin(flight) + horizon))
 
     def _rows(self, flight: FlightResiduals, horizon: float) -> int:
-        """Whitened rows times channels until the horizon."""
-        return max(0, self._end(flight, horizon) - self._noise.phi.shape[1]) * CHANNELS
+        """Whitened rows until the horizon."""
+        return max(0, self._end(flight, horizon) - self._noise.phi.shape[1])
 
     def _after_outliers(self) -> list[float]:
         """Seconds after the payload's begin by which a jump shows, those that are close to one
@@ -334,10 +335,11 @@ class OtherRegressors:
         """
         XX = np.eye(self._size)
         Xy = np.zeros(self._size)
-        for flight, (X, y, acting) in zip(self._flights, self._white, strict=True):
+        for flight, (y, channels) in zip(self._flights, self._white, strict=True):
             n = self._rows(flight, horizon)
-            XX[np.ix_(acting, acting)] += X[:n].T @ X[:n]
-            Xy[acting] += X[:n].T @ y[:n]
+            for c, (X, at) in enumerate(channels):
+                XX[np.ix_(at, at)] += X[:n].T @ X[:n]
+                Xy[at] += X[:n].T @ y[:n, c]
         factor = np.linalg.cholesky(XX)
         return factor, scipy.linalg.solve_triangular(factor, Xy, lower=True)
 
@@ -384,19 +386,22 @@ class OtherRegressors:
             {horizon: np.zeros((n, k, *more)) for horizon in horizons}
             for more in ((self._size,), (k,), ())
         )
-        for flight, (X, y, acting) in zip(self._flights, self._white, strict=True):
+        for flight, (y, channels) in zip(self._flights, self._white, strict=True):
             place = payloads[0].at(flight.name)
             columns = [payload.by_flight[flight.name] for payload in payloads]
-            white = self._flat(flight, np.concatenate(columns, axis=-1))
+            white = self._whitened(flight, np.concatenate(columns, axis=-1))
             for horizon in horizons:
                 rows = self._rows(flight, horizon)
                 P = white[:rows]
-                each = P.reshape(len(P), n, len(place)).transpose(1, 2, 0)
-                PX[horizon][:, place[:, None], acting] += (P.T @ X[:rows]).reshape(
-                    n, len(place), len(acting)
+                by_channel = P.reshape(len(P), CHANNELS, n, len(place)).transpose(1, 2, 3, 0)
+                for c, (X, at) in enumerate(channels):
+                    PX[horizon][:, place[:, None], at] += (P[:, c].T @ X[:rows]).reshape(
+                        n, len(place), len(at)
+                    )
+                    Py[horizon][:, place] += (y[:rows, c] @ P[:, c]).reshape(n, len(place))
+                PP[horizon][:, place[:, None], place] += np.sum(
+                    by_channel @ by_channel.swapaxes(2, 3), axis=0
                 )
-                PP[horizon][:, place[:, None], place] += each @ each.transpose(0, 2, 1)
-                Py[horizon][:, place] += (P.T @ y[:rows]).reshape(n, len(place))
         return {h: self._given_others(h, PX[h], PP[h], Py[h]) for h in horizons}
 
     def _given_others(
@@ -418,10 +423,9 @@ class OtherRegressors:
         )
         return list(zip(of_all, of_nuisance, strict=True))
 
-    def _flat(self, flight: FlightResiduals, values: np.ndarray) -> np.ndarray:
-        """Return (rows x channels, k) force and torque (m, 6, k), of the first m rows, whitened."""
-        white = self._noise.whiten(bridge(values, flight.outliers[: len(values)]))
-        return white.reshape(len(white) * CHANNELS, values.shape[-1])
+    def _whitened(self, flight: FlightResiduals, values: np.ndarray) -> np.ndarray:
+        """Return force and torque (m, 6, k), of the first m rows of a flight, whitened."""
+        return self._noise.whiten(bridge(values, flight.outliers[: len(values)]))
 
 
 AT_ONCE = 16  # lengths of a profile that are tried together, for time and memory
