@@ -250,17 +250,7 @@ class FlightResiduals:
         )
         by_row = ("y", "nominal", "w", "outliers", "joined", "calibrated", "given")
         cut = {name: getattr(self, name)[:n] for name in by_row if np.ndim(getattr(self, name))}
-        head = dc.replace(self, grid=grid, **cut)
-        vars(head).update(
-            rotors=self.rotors,
-            wrench_states=self.wrench_states,
-            from_rows=self.from_rows.head(grid),
-            from_mids=self.from_mids.head(grid),
-            R_WB=self.R_WB[:n],
-            driving=self.driving[: n - 1],
-            moving=self.moving[: n - 1],
-        )
-        return head
+        return dc.replace(self, grid=grid, **cut)
 
     def revised(self, **fields: Any) -> "FlightResiduals":
         """Return the flight with other residuals, outliers or marks; what follows from its motion

@@ -81,7 +81,6 @@ class Resampler:
 
     def __init__(self, grid: Grid, weights: "scipy.sparse.csr_array"):
         self._factor = grid.factor
-        self._weights = weights
         # The reach of the low-pass beyond either end, where the fine grid is held.
         reach = TAPS * grid.factor * (grid.factor > 1)
         rows = np.arange(-reach, weights.shape[0] + reach)
@@ -128,10 +127,6 @@ class Resampler:
         return cls(
             grid, scipy.sparse.csr_array((share, (cell, interval)), (len(grid.fine), len(t) - 1))
         )
-
-    def head(self, grid: Grid) -> "Resampler":
-        """Return the map to the first rows of the grid."""
-        return Resampler(grid, self._weights[: len(grid.fine)])
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Return values (n, ...) resampled to the grid (m, ...)."""

@@ -185,79 +185,50 @@ def payload_of(length: float, onset: Onset | None = None, **loads: Any) -> Term:
     return Term(SuspendedPayload(1.0, length, 0.0, 0.0, 0.0), onset or {}, **loads)
 
 
-def payloads_about(
-    flights: Sequence[FlightResiduals],
-    guesses: Sequence[Term],
-    priors: Priors,
-    *,
-    shaped: bool = True,
-) -> list[PayloadColumns]:
-    """Return payload columns linearised about guesses that begin and change at the same times,
-    whatever their masses.
+def payload_about(
+    flights: Sequence[FlightResiduals], guess: Term, priors: Priors, *, shaped: bool = True
+) -> PayloadColumns:
+    """Return payload columns linearised about a guess, whatever its mass.
 
     Args:
         shaped: whether length, damping and jumps at outliers are free as well.
     """
     unit = priors.payload_mass * flights[0].vehicle.mass
-    guesses = [_of_mass(guess, unit) for guess in guesses]
-    lengths = np.array([guess.effect.values["length"] for guess in guesses])
-    rates = np.sqrt(flights[0].vehicle.gravity / lengths).tolist()
+    values = {**guess.effect.values, "mass": unit}
+    share = unit / guess.effect.values["mass"]
+    loads = tuple(share * load for load in guess.loads)
+    guess = dc.replace(guess, effect=SuspendedPayload.of(values), loads=loads)
+    shapes = list[Term]()
+    widths = list[float]()
+    if shaped:
+        longer = {**values, "length": values["length"] * (1 + SMALL)}
+        braked = {**values, "damping": values["damping"] + SMALL}
+        shapes = [
+            dc.replace(guess, effect=SuspendedPayload.of(shape_values))
+            for shape_values in (longer, braked)
+        ]
+        widths = [priors.length, priors.damping]
+    rate = math.sqrt(flights[0].vehicle.gravity / values["length"])
     by_flight = {}
     for flight in flights:
-        size = hidden_size(flight, guesses[0].begins(flight.name)) if shaped else STATE
-        terms = [
-            term
-            for guess, rate in zip(guesses, rates, strict=True)
-            for term in _moved(guess, flight.name, swing_units(size, rate), shaped)
+        size = hidden_size(flight, guess.begins(flight.name)) if shaped else STATE
+        swing = padded(guess.hidden.get(flight.name), size)
+        swung = [
+            dc.replace(guess, hidden={flight.name: swing + move})
+            for move in SMALL * np.diag(swing_units(size, rate))
         ]
-        wrench = swing_wrenches(flight, terms).reshape(len(flight.t), len(guesses), -1, 6)
-        rest = wrench[:, :, :1]
-        moved = wrench[:, :, 1:]
-        X = np.zeros((*wrench.shape[:2], AT_REST + moved.shape[2], 6))
-        X[:, :, :1] = rest
+        wrench = swing_wrenches(flight, [guess, *shapes, *swung])
+        rest = wrench[:, :1]
+        moved = wrench[:, 1:]
+        X = np.zeros((len(wrench), AT_REST + moved.shape[1], 6))
+        X[:, :1] = rest
         # A hook acts on the torque alone, to first order.
-        X[:, :, 1:AT_REST, TORQUE] = np.cross(priors.hook * np.eye(3), rest[..., FORCE])
-        widths = [priors.length, priors.damping] * shaped + [priors.swing] * size
-        X[:, :, AT_REST:] = (moved - rest) * (np.array(widths)[:, None] / SMALL)
-        by_flight[flight.name] = np.swapaxes(X, 2, 3) * flight.shown[:, None]
-    return [
-        PayloadColumns(
-            guess, {name: X[:, i] for name, X in by_flight.items()}, rates[i], priors, shaped
+        X[:, 1:AT_REST, TORQUE] = np.cross(priors.hook * np.eye(3), rest[..., FORCE])
+        X[:, AT_REST:] = (moved - rest) * (
+            np.array([*widths, *[priors.swing] * size])[:, None] / SMALL
         )
-        for i, guess in enumerate(guesses)
-    ]
-
-
-def payload_about(
-    flights: Sequence[FlightResiduals], guess: Term, priors: Priors, *, shaped: bool = True
-) -> PayloadColumns:
-    """Return the columns of `payloads_about` of one guess."""
-    return payloads_about(flights, [guess], priors, shaped=shaped)[0]
-
-
-def _of_mass(payload: Term, mass: float) -> Term:
-    """Return a payload of this mass, with loads in proportion [kg]."""
-    values = {**payload.effect.values, "mass": mass}
-    share = mass / payload.effect.values["mass"]
-    loads = tuple(share * load for load in payload.loads)
-    return dc.replace(payload, effect=SuspendedPayload.of(values), loads=loads)
-
-
-def _moved(payload: Term, flight: str, units: np.ndarray, shaped: bool) -> list[Term]:
-    """Return a payload, then longer and with more damping where `shaped`, then with each entry of
-    its swing moved by `SMALL` of its unit.
-    """
-    known = payload.effect.values
-    shapes = [{"length": known["length"] * (1 + SMALL)}, {"damping": known["damping"] + SMALL}]
-    swing = padded(payload.hidden.get(flight), len(units))
-    return [
-        payload,
-        *(
-            dc.replace(payload, effect=SuspendedPayload.of({**known, **shape}))
-            for shape in (shapes if shaped else ())
-        ),
-        *(dc.replace(payload, hidden={flight: swing + move}) for move in SMALL * np.diag(units)),
-    ]
+        by_flight[flight.name] = np.swapaxes(X, 1, 2) * flight.shown[:, None]
+    return PayloadColumns(guess, by_flight, rate, priors, shaped)
 
 
 CHANNELS = 6  # force and torque alone see a payload
@@ -353,7 +324,7 @@ class OtherRegressors:
             horizon: up to which rows count, from the payload's begin on [s].
             alone: beside nuisance alone.
         """
-        gram = self.grams([payload], [horizon])[horizon][0][alone]
+        gram = self.grams([payload], horizon)[0][alone]
         index = np.arange(payload.size)
         mean, log_probability = heavy_enough(*gram.posterior(index))
         return gram.log_evidence(index) + payload.log_prior + log_probability, mean
@@ -368,67 +339,50 @@ class OtherRegressors:
             horizon: up to which rows count, from the payload's begin on [s].
             alone: beside nuisance alone.
         """
-        gram = self.grams([payload], [horizon])[horizon][0][alone]
+        gram = self.grams([payload], horizon)[0][alone]
         first = payload.first
         residual = Gram(gram.XX, gram.Xy - gram.XX[:, 0] * mass)
         fixed = np.concatenate([[mass], np.zeros(first - 1)])
         return np.concatenate([fixed, residual.posterior(np.arange(first, payload.size))[0]])
 
-    def grams(
-        self, payloads: Sequence[PayloadColumns], horizons: Sequence[float]
-    ) -> dict[float, list[tuple[Gram, Gram]]]:
-        """Return by horizon [s] the Gram matrices of payloads of one size, of the flights or of
-        `heads`: with nuisance and others in every model, and with nuisance alone.
+    def grams(self, payloads: Sequence[PayloadColumns], horizon: float) -> list[list[Gram]]:
+        """Return for payloads of one size the Gram matrices, of the flights or of `heads`, up to a
+        horizon [s]: with nuisance and others in every model, and with nuisance alone.
         """
         n = len(payloads)
         k = payloads[0].size
-        PX, PP, Py = (
-            {horizon: np.zeros((n, k, *more)) for horizon in horizons}
-            for more in ((self._size,), (k,), ())
-        )
+        PX = np.zeros((n, k, self._size))
+        PP = np.zeros((n, k, k))
+        Py = np.zeros((n, k))
         for flight, (y, channels) in zip(self._flights, self._white, strict=True):
             place = payloads[0].at(flight.name)
             columns = [payload.by_flight[flight.name] for payload in payloads]
-            white = self._whitened(flight, np.concatenate(columns, axis=-1))
-            for horizon in horizons:
-                rows = self._rows(flight, horizon)
-                P = white[:rows]
-                by_channel = P.reshape(len(P), CHANNELS, n, len(place)).transpose(1, 2, 3, 0)
-                for c, (X, at) in enumerate(channels):
-                    PX[horizon][:, place[:, None], at] += (P[:, c].T @ X[:rows]).reshape(
-                        n, len(place), len(at)
-                    )
-                    Py[horizon][:, place] += (y[:rows, c] @ P[:, c]).reshape(n, len(place))
-                PP[horizon][:, place[:, None], place] += np.sum(
-                    by_channel @ by_channel.swapaxes(2, 3), axis=0
-                )
-        return {h: self._given_others(h, PX[h], PP[h], Py[h]) for h in horizons}
-
-    def _given_others(
-        self, horizon: float, PX: np.ndarray, PP: np.ndarray, Py: np.ndarray
-    ) -> list[tuple[Gram, Gram]]:
-        """Return for n payloads the Gram matrices with nuisance and others in every model, and with
-        nuisance alone, from their products with these (n, k, b), themselves (n, k, k) and y (n, k).
-        """
+            white = self._whitened(flight, np.concatenate(columns, axis=-1), horizon)
+            for c, (X, at) in enumerate(channels):
+                P = white[:, c].reshape(len(white), n, len(place)).transpose(1, 2, 0)
+                PX[:, place[:, None], at] += P @ X[: len(white)]
+                PP[:, place[:, None], place] += P @ P.swapaxes(1, 2)
+                Py[:, place] += P @ y[: len(white), c]
         factor, b = self._base[horizon]
-        n, k, size = PX.shape
-        B = scipy.linalg.solve_triangular(factor, PX.reshape(n * k, size).T, lower=True)
+        B = scipy.linalg.solve_triangular(factor, PX.reshape(n * k, -1).T, lower=True)
         # Nuisance comes first: its own factor and products are the first rows of those of all.
-        of_all, of_nuisance = (
-            [
-                Gram(PP[i] - known.T @ known, Py[i] - known.T @ b[:first])
-                for i, known in enumerate(np.split(B[:first], n, axis=1))
-            ]
-            for first in (self._size, self._nuisance)
-        )
-        return list(zip(of_all, of_nuisance, strict=True))
+        known = [B[:size].reshape(size, n, k) for size in (self._size, self._nuisance)]
+        return [
+            [Gram(PP[i] - B[:, i].T @ B[:, i], Py[i] - B[:, i].T @ b[: len(B)]) for B in known]
+            for i in range(n)
+        ]
 
-    def _whitened(self, flight: FlightResiduals, values: np.ndarray) -> np.ndarray:
-        """Return force and torque (m, 6, k), of the first m rows of a flight, whitened."""
-        return self._noise.whiten(bridge(values, flight.outliers[: len(values)]))
+    def _whitened(
+        self, flight: FlightResiduals, values: np.ndarray, horizon: float = math.inf
+    ) -> np.ndarray:
+        """Return force and torque (m, 6, k), of the first m rows of a flight, whitened up to a
+        horizon [s].
+        """
+        rows = self._rows(flight, horizon) + self._noise.phi.shape[1]
+        return self._noise.whiten(bridge(values, flight.outliers[: len(values)])[:rows])
 
 
-AT_ONCE = 16  # lengths of a profile that are tried together, for time and memory
+AT_ONCE = 8  # lengths of a profile that are tried together, for time and memory
 KEPT = 3  # candidates of the search
 LOST = -400.0  # log evidence below which a guess that is followed is given up
 DISTINCT = 12  # number of lengths that can be told apart, for the prior of one
@@ -551,8 +505,11 @@ class PayloadSearch:
         }
         for first in range(0, len(self._at_rest), AT_ONCE):
             guesses = self._at_rest[first : first + AT_ONCE]
-            payloads = payloads_about(self._flights, guesses, self._priors, shaped=False)
-            for horizon, grams in regressors.grams(payloads, ENDS).items():
+            payloads = [
+                payload_about(self._flights, guess, self._priors, shaped=False) for guess in guesses
+            ]
+            for horizon in ENDS:
+                grams = regressors.grams(payloads, horizon)
                 for payload, both in zip(payloads, grams, strict=True):
                     for alone, gram in zip((False, True), both, strict=True):
                         evidence = gram.log_evidence(np.arange(payload.size))
