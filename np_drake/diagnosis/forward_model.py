@@ -261,8 +261,10 @@ def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray
     for k, change in enumerate(terms[0].changes.get(flight.name, ())):
         load = np.array([[t.loads[k]] for t in terms])
         carried = carried + flight.begun(change)[:, None, FORCE] * (load - carried)
-    force = carried * pull
-    return np.concatenate([force, np.cross(hooks, force)], axis=2)
+    wrench = np.empty((*pull.shape[:2], 6))
+    wrench[..., FORCE] = carried * pull
+    wrench[..., TORQUE] = np.cross(hooks, wrench[..., FORCE])
+    return wrench
 
 
 def needed_wrench(

@@ -100,7 +100,7 @@ class RegressionProblem:
         self.nuisance = nuisance
         self.candidates = candidates
         self.options = options
-        self._places = places(c.size for c in (*nuisance, *candidates))
+        self._columns = [np.r_[at] for at in places(c.size for c in (*nuisance, *candidates))]
         self._nuisance = sum(c.size for c in nuisance)
         self.linear = [c for c in nuisance if c.variant == LINEAR]
         self._white: tuple[NoiseModel, WhiteNuisance] | None = None
@@ -143,7 +143,7 @@ class RegressionProblem:
 
     def columns_of(self, member: int) -> np.ndarray:
         """Return the column indices of one candidate."""
-        return np.r_[self._places[len(self.nuisance) + member]]
+        return self._columns[len(self.nuisance) + member]
 
     def columns(self, members: Sequence[int]) -> np.ndarray:
         """Return the column indices of the nuisance and the members."""

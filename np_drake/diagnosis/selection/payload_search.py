@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from np_drake import attitude
 from np_drake.diagnosis.fitting import greatest_height
 from np_drake.diagnosis.forward_model import (
     NEVER,
@@ -217,17 +218,16 @@ def payload_about(
             dc.replace(guess, hidden={flight.name: swing + move})
             for move in SMALL * np.diag(swing_units(size, rate))
         ]
-        wrench = swing_wrenches(flight, [guess, *shapes, *swung])
+        wrench = swing_wrenches(flight, [guess, *shapes, *swung]) * flight.shown
         rest = wrench[:, :1]
-        moved = wrench[:, 1:]
-        X = np.zeros((len(wrench), AT_REST + moved.shape[1], 6))
-        X[:, :1] = rest
+        X = np.zeros((len(wrench), 6, AT_REST - 1 + wrench.shape[1]))
+        X[..., 0] = rest[:, 0]
         # A hook acts on the torque alone, to first order.
-        X[:, 1:AT_REST, TORQUE] = np.cross(priors.hook * np.eye(3), rest[..., FORCE])
-        X[:, AT_REST:] = (moved - rest) * (
-            np.array([*widths, *[priors.swing] * size])[:, None] / SMALL
-        )
-        by_flight[flight.name] = np.swapaxes(X, 1, 2) * flight.shown[:, None]
+        force = attitude.skew(rest[:, 0, FORCE])
+        X[:, TORQUE, 1:AT_REST] = -priors.hook * flight.shown[TORQUE, None] * force
+        sizes = np.array([*widths, *[priors.swing] * size]) / SMALL
+        X[..., AT_REST:] = np.swapaxes(wrench[:, 1:] - rest, 1, 2) * sizes
+        by_flight[flight.name] = X
     return PayloadColumns(guess, by_flight, rate, priors, shaped)
 
 
