@@ -321,13 +321,16 @@ def _blocks(
     stages: Stages = {}
     J = scaled_jacobian(terms, free, flight, stages)
     predicted = predicted_residual(flight, terms, stages)
+    # A term that is far from neutral is not linear in its parameters: its derivative there would
+    # predict something of its absence. Derivatives lead there by a secant update of rank one
+    # (Broyden).
     of_term = np.array([f.term for f in free])
     for i in set(of_term.tolist()):
         rest = [t for k, t in enumerate(terms) if k != i]
         distance = np.where(of_term == i, away, 0.0)
         if distance.any():
             given = predicted - predicted_residual(flight, rest, stages)
-            J = _through_neutral(J, distance, given)
+            J += (given - J @ distance)[..., None] * (distance / (distance @ distance))
     target = flight.uncalibrated - predicted + J @ away
     root = np.linalg.inv(prior_whitening(terms, free[:n]))
     parts = [J[..., :n] @ root, *vehicle, J[..., n:], errors, target[..., None]]
@@ -340,16 +343,6 @@ def _blocks(
     grams = [part.T @ part for part in rows]
     values = [len(part) for part in rows]
     return Blocks(grams, values, np.array(owners, int), n + len(none))
-
-
-def _through_neutral(J: np.ndarray, distance: np.ndarray, given: np.ndarray) -> np.ndarray:
-    """Return the derivatives (m, 15, k), changed so that they lead from a term to its absence, over
-    this distance (k,) with what the term gives (m, 15).
-
-    A term that is far from neutral is not linear in its parameters: its derivative there would
-    predict something of its absence. Source: secant update of rank one (Broyden).
-    """
-    return J + (given - J @ distance)[..., None] * (distance / (distance @ distance))
 
 
 def visible_changes(ranking: Ranking) -> dict[str, float]:

@@ -274,14 +274,15 @@ class SwitchedRegressors:
         both = [flight.bridged(X) for X in (*others, target[..., None])]
         driven = noise.driven(both, flight.name)
         last = sum(X.shape[-1] for X in others)
-        self.at = np.setdiff1d(np.concatenate([[], *(at for _, at, _ in driven)]).astype(int), last)
+        acting = np.unique(np.concatenate([[last], *(at for _, at, _ in driven)]))
+        self.at = acting[:-1]
         # Innovations times `_facing` (15, m, b' + 1) equal whitened values times whitened B and y;
         # rows beyond either end are zero.
         half = len(self._rise) // 2
         rows = half + len(self.t) + half + self._order
-        self._padded = np.zeros((target.shape[1], rows, len(self.at) + 1))
+        self._padded = np.zeros((target.shape[1], rows, len(acting)))
         for c, at, part in driven:
-            column = np.searchsorted(self.at, at)
+            column = np.searchsorted(acting, at)
             for d in np.flatnonzero(noise.weight[c]):
                 self._facing[d][:, column] += scale * noise.weight[c, d] * part
 

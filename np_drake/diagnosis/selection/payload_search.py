@@ -259,18 +259,15 @@ class OtherRegressors:
         self._nuisance = sum(c.size for c in nuisance)
         candidates = [*nuisance, *others]
         self._size = sum(c.size for c in candidates)
-        # By flight, y (m, 6) and for each channel the columns (m, b') that are not zero there, with
-        # their positions.
-        self._white: list[tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]] = []
+        # By flight and channel the columns (m, b') that are not zero there, y last, and their
+        # positions.
+        self._white: list[list[tuple[np.ndarray, np.ndarray]]] = []
         for flight in flights:
             y = flight.y[:, :CHANNELS, None]
-            X = np.concatenate(
-                [y, *(c.columns[flight.name][: len(y), :CHANNELS] for c in candidates)], axis=-1
-            )
-            white = self._whitened(flight, X)
-            acting = [np.flatnonzero(white[:, c, 1:].any(axis=0)) for c in range(CHANNELS)]
-            by_channel = [(white[:, c, 1 + at], at) for c, at in enumerate(acting)]
-            self._white.append((white[..., 0], by_channel))
+            X = [c.columns[flight.name][: len(y), :CHANNELS] for c in candidates]
+            white = self._whitened(flight, np.concatenate([*X, y], axis=-1))
+            acting = [np.flatnonzero(white[:, c].any(axis=0)) for c in range(CHANNELS)]
+            self._white.append([(white[:, c, at], at) for c, at in enumerate(acting)])
         self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_outliers()))})
         self.heads = {
             h: [flight.head(self._end(flight, h)) for flight in flights] for h in self.horizons
@@ -304,15 +301,13 @@ class OtherRegressors:
         """Return the Cholesky factor L (n, n) of the Gram matrix of the others with its prior, and
         L^-1 of their products with y (n,).
         """
-        XX = np.eye(self._size)
-        Xy = np.zeros(self._size)
-        for flight, (y, channels) in zip(self._flights, self._white, strict=True):
+        both = np.eye(self._size + 1)
+        for flight, channels in zip(self._flights, self._white, strict=True):
             n = self._rows(flight, horizon)
-            for c, (X, at) in enumerate(channels):
-                XX[np.ix_(at, at)] += X[:n].T @ X[:n]
-                Xy[at] += X[:n].T @ y[:n, c]
-        factor = np.linalg.cholesky(XX)
-        return factor, scipy.linalg.solve_triangular(factor, Xy, lower=True)
+            for X, at in channels:
+                both[np.ix_(at, at)] += X[:n].T @ X[:n]
+        factor = np.linalg.cholesky(both[:-1, :-1])
+        return factor, scipy.linalg.solve_triangular(factor, both[:-1, -1], lower=True)
 
     def gain(
         self, payload: PayloadColumns, horizon: float, *, alone: bool = False
@@ -351,10 +346,9 @@ class OtherRegressors:
         """
         n = len(payloads)
         k = payloads[0].size
-        PX = np.zeros((n, k, self._size))
+        PX = np.zeros((n, k, self._size + 1))
         PP = np.zeros((n, k, k))
-        Py = np.zeros((n, k))
-        for flight, (y, channels) in zip(self._flights, self._white, strict=True):
+        for flight, channels in zip(self._flights, self._white, strict=True):
             place = payloads[0].at(flight.name)
             columns = [payload.by_flight[flight.name] for payload in payloads]
             white = self._whitened(flight, np.concatenate(columns, axis=-1), horizon)
@@ -362,13 +356,16 @@ class OtherRegressors:
                 P = white[:, c].reshape(len(white), n, len(place)).transpose(1, 2, 0)
                 PX[:, place[:, None], at] += P @ X[: len(white)]
                 PP[:, place[:, None], place] += P @ P.swapaxes(1, 2)
-                Py[:, place] += P @ y[: len(white), c]
         factor, b = self._base[horizon]
-        B = scipy.linalg.solve_triangular(factor, PX.reshape(n * k, -1).T, lower=True)
+        X = PX[..., :-1].reshape(n * k, self._size)
+        B = scipy.linalg.solve_triangular(factor, X.T, lower=True)
         # Nuisance comes first: its own factor and products are the first rows of those of all.
         known = [B[:size].reshape(size, n, k) for size in (self._size, self._nuisance)]
         return [
-            [Gram(PP[i] - B[:, i].T @ B[:, i], Py[i] - B[:, i].T @ b[: len(B)]) for B in known]
+            [
+                Gram(PP[i] - B[:, i].T @ B[:, i], PX[i, :, -1] - B[:, i].T @ b[: len(B)])
+                for B in known
+            ]
             for i in range(n)
         ]
 
