@@ -315,18 +315,14 @@ def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray
     """
     if not effect.small:
         return _exact(flight, effect)
+    known = flight.made
     kind = type(effect)
-    return once(flight.made, (kind,), _unit_errors, flight, kind) @ np.array(
-        list(effect.values.values())
-    )
-
-
-def _unit_errors(flight: FlightResiduals, kind: type[SensorEffect]) -> np.ndarray:
-    """Return what small errors of a sensor leave (m, 15, k), for a unit of each parameter."""
-    units = [{p.name: p.typical} for p in kind.parameters]
-    none = kind.neutral().values
-    columns = [_exact(flight, kind.of({**none, **u})) / sum(u.values()) for u in units]  # type: ignore[arg-type]
-    return np.stack(columns, axis=-1)
+    if kind not in known:
+        units = [{p.name: p.typical} for p in kind.parameters]
+        none = kind.neutral().values
+        columns = [_exact(flight, kind.of({**none, **u})) / sum(u.values()) for u in units]  # type: ignore[arg-type]
+        known[kind] = np.stack(columns, axis=-1)
+    return known[kind] @ np.array(list(effect.values.values()))
 
 
 def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:

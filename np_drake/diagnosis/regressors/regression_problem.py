@@ -2,7 +2,6 @@
 flight.
 """
 
-import copy
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
 from functools import cached_property, reduce
@@ -279,34 +278,30 @@ class SwitchedRegressors:
         # Innovations times `_facing` (15, m, b' + 1) equal whitened values times whitened B and y;
         # rows beyond either end are zero.
         half = len(self._rise) // 2
-        rows = half + len(self.t) + half + self._order
-        self._padded = np.zeros((target.shape[1], rows, len(acting)))
+        m = len(self.t)
+        padded = np.zeros((target.shape[1], half + m + half + self._order, len(acting)))
+        self._facing = padded[:, half : half + m]
+        self._windows = sliding_window_view(padded, self._near, axis=1)
         for c, at, part in driven:
             column = np.searchsorted(acting, at)
             for d in np.flatnonzero(noise.weight[c]):
                 self._facing[d][:, column] += scale * noise.weight[c, d] * part
 
-    @property
-    def _facing(self) -> np.ndarray:
-        half = len(self._rise) // 2
-        return self._padded[:, half : half + len(self.t)]
-
-    def left_by(self, coefficients: np.ndarray) -> "SwitchedRegressors":
-        """Return the same without B, y less B with these coefficients (b',)."""
-        left = copy.copy(self)
-        left._padded = (self._padded @ np.append(-coefficients, 1.0))[..., None]
-        left.at = self.at[:0]
-        return left
-
-    def suffix_sums(self, X: np.ndarray) -> Sums:
+    def suffix_sums(self, X: np.ndarray, known: np.ndarray | None = None) -> Sums:
         """Return the sums for columns (m', 15, k) over all rows from each row (m + 1) on, without a
         jump there.
+
+        Args:
+            known: coefficients (b',) of B, which y is then without; None: not known.
         """
+        facing = self._facing
+        if known is not None:
+            facing = (facing @ np.append(-known, 1.0))[..., None]
         channels = self._channels(X)
         driven, weighted = self._driven(channels, self._flight.bridged(X[:, channels]))
         by_row = driven.transpose(1, 2, 0)  # (m, k, c), c active channels
         # (m, k, k) and (m, k, b' + 1) products of each row, then sums from each row on (m + 1, …)
-        XX, XBy = (by_row @ np.swapaxes(a, 0, 1) for a in (weighted, self._facing[channels]))
+        XX, XBy = (by_row @ np.swapaxes(a, 0, 1) for a in (weighted, facing[channels]))
         XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in (XX, XBy))
         return Sums(XX, XBy[..., :-1], XBy[..., -1], self.at)
 
@@ -337,9 +332,8 @@ class SwitchedRegressors:
         )
         XX, XB, Xy, at = suffix.rows(np.clip(rows - half + self._near, 0, m))
         XX += np.sum(driven @ np.swapaxes(weighted, 2, 3), axis=0)
-        windows = sliding_window_view(self._padded, self._near, axis=1)
         for part, c in zip(driven, channels, strict=True):
-            XBy = part @ np.swapaxes(windows[c][rows], 1, 2)  # (n, k, b' + 1)
+            XBy = part @ np.swapaxes(self._windows[c][rows], 1, 2)  # (n, k, b' + 1)
             XB += XBy[..., :-1]
             Xy += XBy[..., -1]
         return Sums(XX, XB, Xy, at)

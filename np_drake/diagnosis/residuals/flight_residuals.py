@@ -171,9 +171,9 @@ class FlightResiduals:
         return np.concatenate([[0.0, 0.0], f_tau, np.zeros(SIZE - 6)])
 
     @cached_property
-    def made(self) -> dict[tuple, Any]:
-        """Cache of what follows from motion and rotors: by the function that made it, and of
-        what.
+    def made(self) -> dict[Any, Any]:
+        """Cache of what follows from motion and rotors: by what made it, and of what. By a small
+        sensor error, (m, 15, k) what it leaves for a unit of each parameter.
         """
         return {}
 

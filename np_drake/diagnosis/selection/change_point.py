@@ -190,9 +190,8 @@ class OnsetScan:
         pieces = [c.variant == PIECES for c in self.problem.candidates]
         mean = np.where(np.append(pieces, False)[self._owner], 0.0, self.mean)
         regressors = self._regressors[name]
-        suffix = regressors.left_by(mean[regressors.at]).suffix_sums(
-            candidate.columns[name][..., :1]
-        )
+        column = candidate.columns[name][..., :1]
+        suffix = regressors.suffix_sums(column, mean[regressors.at])
         return suffix.XX[:, 0, 0], suffix.Xy[:, 0]
 
     @property

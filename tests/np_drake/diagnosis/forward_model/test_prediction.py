@@ -155,3 +155,24 @@ def test_mass_and_thrust_off_by_one_factor_leave_the_motion_as_it_was(seen, onse
     assert size(alone[:, ev.VELOCITY]) > 0.01
     assert size(after[:, ev.VELOCITY]) < 0.05 * size(alone[:, ev.VELOCITY])
     assert size(after[:, ev.FORCE]) < 0.05 * size(alone[:, ev.FORCE])
+
+
+class InWorld(LinearDrag):
+    def wrench(self, vehicle, motion):
+        return super().wrench(vehicle, motion)
+
+
+def test_a_law_in_the_world_predicts_as_one_in_the_body(seen):
+    dut = seen(LinearDrag())
+    found, known = (predicted_residual(dut, [Term(effect())]) for effect in (InWorld, LinearDrag))
+    np.testing.assert_allclose(found, known, atol=1e-12)
+
+
+def test_a_revised_flight_has_its_own_residuals_and_the_same_motion(seen):
+    flown = seen(LinearDrag())
+    terms = [Term(LinearDrag()), Term(LIBRARY["gyro_bias"](0.01, 0.0, 0.0))]
+    known = predicted_residual(flown, terms)
+    dut = flown.revised(y=flown.y - known)
+    np.testing.assert_array_equal(dut.y, flown.y - known)
+    np.testing.assert_array_equal(predicted_residual(dut, terms), known)
+    assert dut.made is flown.made
