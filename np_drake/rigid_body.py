@@ -5,6 +5,9 @@ residual wrench chi (6,) = [f_e in W (N), tau_e in B (N·m)]. All functions are 
 leading axes.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from np_drake import attitude
@@ -47,6 +50,21 @@ def state_derivative(vehicle: Vehicle, x: np.ndarray, u: np.ndarray, chi: np.nda
     torque = u[..., 1:4] + chi[..., 3:6] - np.cross(w, w @ J.T)
     al = torque @ np.linalg.inv(J).T
     return np.concatenate([v, attitude.quaternion_rate(q, w), a, al], axis=-1)
+
+
+def runge_kutta(rate: Callable[[Any], Any], x: Any, h: float) -> Any:
+    """Return the state after a step of the classical Runge-Kutta, of any array.
+
+    Args:
+        rate: dx/dt of a state.
+        x: (..., n) state.
+        h: step [s].
+    """
+    one = rate(x)
+    two = rate(x + 0.5 * h * one)
+    three = rate(x + 0.5 * h * two)
+    four = rate(x + h * three)
+    return x + h / 6 * (one + 2 * two + 2 * three + four)
 
 
 def residual_wrench(

@@ -85,18 +85,18 @@ class Truth:
     known: Vehicle
     cells: float = 1.0
 
-    def value_of(self, quantity: Quantity, volts: float = 0.0) -> float | None:
+    def value_of(self, quantity: Quantity, volts: float | None = None) -> float | None:
         """Return the true value of a quantity; None where it stands for none of the vehicle's.
 
         Args:
-            volts: voltage to which full throttle refers [V]; 0: that of the vehicle.
+            volts: voltage to which full throttle refers [V]; None: that of the vehicle.
         """
         v = self.vehicle
         composed = {
             "logged thrust, true over logged": 1.0,
             "torque over thrust": v.torque_coefficient / v.thrust_coefficient,
             "time constant down": v.rotor_time_constant,
-            "thrust at full throttle": float(self.throttle.thrust(1.0, volts or None)),
+            "thrust at full throttle": float(self.throttle.thrust(1.0, volts)),
             "drag, lateral": self.drag.d_x / v.mass,
             "drag, vertical": self.drag.d_z / v.mass,
             "lift of lateral speed": self.lift.lift / v.mass,

@@ -3,10 +3,33 @@
 import dataclasses as dc
 
 import numpy as np
-import scipy
 
+from np_drake.compiled import compiled
 from np_drake.effects.base import ActuatorEffect, Parameter, log_uniform
 from np_drake.vehicle import Vehicle
+
+
+@compiled
+def lagged(target: np.ndarray, row: np.ndarray, step: float, up: float, down: float) -> np.ndarray:
+    """Return rotor speeds (m + 1, 4) at the edges of substeps, exact for a held target.
+
+    Args:
+        target: (n, 4) speeds that the rows command; rotors begin at the first.
+        row: (m,) row whose target is held in each substep.
+        step: length of a substep [s].
+        up: time constant of a rising speed [s].
+        down: time constant of a falling speed [s].
+    """
+    rise = np.exp(-step / up) if up > 0.0 else 0.0
+    fall = np.exp(-step / down) if down > 0.0 else 0.0
+    out = np.empty((row.size + 1, target.shape[1]))
+    out[0] = target[row[0]]
+    for k in range(row.size):
+        for i in range(target.shape[1]):
+            wanted = target[row[k], i]
+            share = rise if wanted > out[k, i] else fall
+            out[k + 1, i] = wanted + (out[k, i] - wanted) * share
+    return out
 
 
 @dc.dataclass(frozen=True)
@@ -67,6 +90,21 @@ class MotorLag(ActuatorEffect):
         """Return the thrusts of the rotor speeds, (..., 4) [N]."""
         return vehicle.thrust_coefficient * state**2
 
+    @property
+    def slowing(self) -> float:
+        """Time constant of a rotor that slows down [s]."""
+        return self.time_constant
+
+    def follow(self, target: np.ndarray, row: np.ndarray, step: float) -> np.ndarray:
+        """Return the rotor speeds (m + 1, 4) at the edges of substeps, from rest.
+
+        Args:
+            target: (n, 4) speeds that the rows command.
+            row: (m,) row whose target is held in each substep.
+            step: length of a substep [s].
+        """
+        return lagged(np.ascontiguousarray(target), row, step, self.time_constant, self.slowing)
+
     def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
         """Return the mean thrusts (n, 4) [N]; the lag is exact between rows, the mean is
         Simpson's.
@@ -74,13 +112,10 @@ class MotorLag(ActuatorEffect):
         if self.time_constant <= 0 or len(t) < 2:
             return command
         target = self.state_at(vehicle, command)
-        # The lag's solution under a held target, at the middle and the end of each interval.
-        decay, half = np.exp(-(t[1] - t[0]) / self.time_constant * np.array([1.0, 0.5]))
-        end, _ = scipy.signal.lfilter(
-            [1 - decay], [1, -decay], target, axis=0, zi=decay * target[:1]
-        )
-        start = np.concatenate([target[:1], end[:-1]])
-        middle = target + (start - target) * half
+        speed = self.follow(target, np.repeat(np.arange(len(t)), 2), 0.5 * (t[1] - t[0]))
+        start = speed[:-1:2]
+        middle = speed[1::2]
+        end = speed[2::2]
         return vehicle.thrust_coefficient * (start**2 + 4 * middle**2 + end**2) / 6
 
 

@@ -30,25 +30,12 @@ class UnevenLag(MotorLag):
         Parameter("down", "s", 0.0, 0.0, 0.3, 0.03),
     )
 
+    @property
+    def slowing(self) -> float:
+        """Time constant of a rotor that slows down [s]."""
+        return self.down
+
     def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
         """Return the rate of rotor speed, (..., 4) [rad/s²]."""
         missing = self.state_at(vehicle, command) - state
         return missing / np.where(missing < 0, self.down, self.time_constant)
-
-    def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """Return the mean thrusts (n, 4) [N]; the lag is exact between rows, the mean is
-        Simpson's.
-        """
-        if len(t) < 2:
-            return command
-        target = self.state_at(vehicle, command)
-        step = t[1] - t[0]
-        speed = target[0]
-        thrust = np.empty_like(command)
-        for k, wanted in enumerate(target):
-            decay = np.exp(-0.5 * step / np.where(wanted < speed, self.down, self.time_constant))
-            middle = wanted + (speed - wanted) * decay
-            end = wanted + (speed - wanted) * decay**2
-            thrust[k] = vehicle.thrust_coefficient * (speed**2 + 4 * middle**2 + end**2) / 6
-            speed = end
-        return thrust

@@ -46,7 +46,7 @@ def identified_vehicle(identification: Identification, name: str) -> Vehicle:
     fields = _Fields.of(identification)
     fields.make_inertia_possible()
     fields.scale_torque()
-    throttle = fields.throttle(basis.frame.volts or None)
+    throttle = fields.throttle(basis.frame.volts)
     fields.add_uncertainties(basis.drive)
     loop = fields.rate_loop(identification.rate_loop)
     plain = {f: v for f, v in fields.values.items() if "." not in f and f != "mass"}

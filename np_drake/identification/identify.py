@@ -342,6 +342,6 @@ def _frame(flights: Sequence[Signals], prior: Vehicle, drive: str) -> Frame:
         np.array(prior.rotor_directions, float),
         prior.rotor_radius,
         unit,
-        float(np.median(volts or 0.0)),
+        float(np.median(volts)) if volts else None,
         throttle,
     )

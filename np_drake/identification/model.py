@@ -7,13 +7,21 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
-from np_drake.compiled import compiled
-from np_drake.identification.signals import G, Signals, Substeps, interpolated
+from np_drake.effects.base import Motion
+from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
+from np_drake.effects.translational_lift import TranslationalLift
+from np_drake.effects.uneven_lag import UnevenLag
+from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.identification.signals import G, Signals, Substeps, interpolated, means
+from np_drake.rigid_body import STATE_SIZE, Q, V, W
 from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.vehicle import ThrottleMap
 
 Values = dict[str, float]  # parameters of the model by name
-MOMENTS = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx, yy, zz, xy, xz, yz of a matrix
 LARGEST_YAW_INERTIA = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]
 
 
@@ -25,14 +33,14 @@ class Frame:
     directions: (4,) signs of their reaction torques.
     radius: of a rotor [m]. unit: of inputs in hover: rotor speed [rad/s], throttle [1] or thrust
         [N] of one rotor.
-    volts: reference [V]. throttle: throttle in hover [1].
+    volts: reference; None: not known [V]. throttle: throttle in hover [1].
     """
 
     positions: np.ndarray
     directions: np.ndarray
     radius: float
     unit: float
-    volts: float = 0.0
+    volts: float | None = None
     throttle: float = 0.0
 
     @cached_property
@@ -46,6 +54,20 @@ class Frame:
         p = self.positions - self.positions.mean(axis=0)
         rows = np.stack([p[:, 1], p[:, 0], self.directions])
         return rows / np.abs(rows).max(axis=1, keepdims=True)
+
+    @cached_property
+    def vehicle(self) -> Vehicle:
+        """Vehicle of unit mass that hovers at rotor speeds of 1; torque over thrust of a rotor is
+        its radius.
+        """
+        return Vehicle(
+            mass=1.0,
+            gravity=G,
+            rotor_positions=self.positions.tolist(),
+            rotor_directions=self.directions.tolist(),
+            thrust_coefficient=0.25 * G,
+            torque_coefficient=0.25 * G * self.radius,
+        )
 
 
 def inertia(v: Values) -> np.ndarray:
@@ -64,31 +86,23 @@ def rotor_gains(v: Values, frame: Frame) -> np.ndarray:
     return 1.0 + sizes @ frame.patterns
 
 
-def euler_of_moments(spread: np.ndarray) -> np.ndarray:
-    """Return the map (m, 3, 6) from the moments of an inertia to the mean of w x J w.
-
-    Args:
-        spread: (m, 3, 3) means of w w'.
-    """
-    xx, yy, zz, xy, xz, yz = (spread[:, i, k] for i, k in zip(*MOMENTS, strict=True))
-    out = np.zeros((len(spread), 3, 6))
-    out[:, 0] = np.stack([0 * xx, -yz, yz, -xz, xy, yy - zz], axis=1)
-    out[:, 1] = np.stack([xz, 0 * xx, -xz, yz, zz - xx, -xy], axis=1)
-    out[:, 2] = np.stack([-xy, xy, 0 * xx, xx - yy, -yz, xz], axis=1)
-    return out
+def gyroscopic(J: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """Return the means (m, 3) of w x J w, of an inertia J (3, 3) and means (m, 3, 3) of w w'."""
+    products = np.cross(np.eye(3)[:, None], J.T)  # of axis j with J times axis k, (3, 3, 3)
+    return spread.reshape(-1, 9) @ products.reshape(9, 3)
 
 
 def target_speed(throttle: np.ndarray, linear: float, idle: float = 0.0) -> np.ndarray:
-    """Return rotor speed over that at full throttle [1].
+    """Return rotor speed over that at full throttle, by the curve of `ThrottleMap` above idling
+    [1].
 
     Args:
         throttle: (..., 4) of 0 to 1 [1].
         linear: share of the curve's linear part [1].
         idle: rotor speed at no throttle, over the full one [1].
     """
-    u = np.clip(throttle, 0.0, None)
     idle = max(idle, 0.0)
-    return idle + (1.0 - idle) * np.sqrt(np.maximum((1.0 - linear) * u * u + linear * u, 0.0))
+    return idle + (1.0 - idle) * np.sqrt(ThrottleMap(1.0, linear).thrust(throttle))
 
 
 def collective_thrust(command: np.ndarray | float, slope: float, bend: float) -> np.ndarray:
@@ -101,57 +115,6 @@ def collective_thrust(command: np.ndarray | float, slope: float, bend: float) ->
     """
     beyond = np.asarray(command) - 1.0
     return np.maximum(1.0 + slope * beyond + bend * beyond**2, 0.0)
-
-
-@compiled
-def lagged(target: np.ndarray, row: np.ndarray, step: float, up: float, down: float) -> np.ndarray:
-    """Return rotor speeds (m + 1, 4) at the edges of substeps, exact for a held target.
-
-    Args:
-        target: (n, 4) speeds that the rows command.
-        row: (m,) row whose target is held in each substep.
-        step: length of a substep [s].
-        up: time constant of a rising speed [s].
-        down: time constant of a falling speed [s].
-    """
-    rise = np.exp(-step / up) if up > 0.0 else 0.0
-    fall = np.exp(-step / down) if down > 0.0 else 0.0
-    out = np.empty((row.size + 1, target.shape[1]))
-    out[0] = target[row[0]]
-    for k in range(row.size):
-        for i in range(target.shape[1]):
-            wanted = target[row[k], i]
-            share = rise if wanted > out[k, i] else fall
-            out[k + 1, i] = wanted + (out[k, i] - wanted) * share
-    return out
-
-
-def means(t: np.ndarray, values: np.ndarray, starts: np.ndarray, stops: np.ndarray) -> np.ndarray:
-    """Return the means (k, c) of piecewise linear values over spans.
-
-    Args:
-        t: (m,) times of the values, uniform [s].
-        values: (m, c) values; constant before the first and after the last.
-        starts: (k,) of the spans [s].
-        stops: (k,) of the spans [s].
-    """
-    step = t[1] - t[0]
-    total = np.zeros_like(values)
-    np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0, out=total[1:])
-
-    def integral(instants: np.ndarray) -> np.ndarray:
-        place = (instants - t[0]) / step
-        inside = np.clip(place, 0.0, len(t) - 1)
-        k = np.minimum(inside.astype(int), len(t) - 2)
-        part = (inside - k)[:, None]
-        # Of a line from the node before, and of the constant beyond the ends.
-        inside_integral = total[k] + step * part * (
-            values[k] + 0.5 * part * (values[k + 1] - values[k])
-        )
-        beyond = step * (place - inside)[:, None]
-        return inside_integral + beyond * np.where(beyond < 0, values[:1], values[-1:])
-
-    return (integral(stops) - integral(starts)) / (stops - starts)[:, None]
 
 
 FORCE = slice(0, 3)
@@ -172,7 +135,6 @@ class FlightModel:
         self._time = flight.instants - flight.t[0]
         grid = self._grid = Substeps.of(flight.t)
         self._fine = np.append(grid.t, grid.t[-1] + grid.step) - flight.t[0]  # (k,) [s]
-        self._euler = euler_of_moments(flight.spread)
         # Body rates at a time [rad/s].
         self._rates = scipy.interpolate.CubicSpline(self._time, flight.smooth[flight.edges])
         # The two last are kept, for finite differences move one parameter at a time.
@@ -191,19 +153,21 @@ class FlightModel:
         # attitude may be the sensors' or markers'.
         turns = np.array([tilt, tilt + twist, [v["level_x"], v["level_y"], v["heading"]]])
         turn, gyro, level = attitude.rotation_matrix(attitude.from_rotation_vector(turns))
-        w = s.rate @ gyro.T
-        alpha = s.alpha @ gyro.T
-        flow = None if s.velocity is None else s.velocity @ level.T
-        push, torque = self.wrench(v, w, flow, rotors)
+        x = np.zeros((len(s), STATE_SIZE))  # in body axes
+        x[:, Q.start] = 1.0
+        x[:, W] = s.rate @ gyro.T
+        if s.velocity is not None:
+            x[:, V] = s.velocity @ level.T
+        push, torque = np.split(self.wrench(v, self.motion(x, rotors), rotors), 2, axis=1)
         j = inertia(v) * frame.arm**2
         # w x J w of rates in the gyro's axes is that of the inertia in these axes.
-        torque -= self._euler @ (gyro.T @ j @ gyro)[MOMENTS] @ gyro.T
+        torque -= gyroscopic(gyro.T @ j @ gyro, s.spread) @ gyro.T
         e = np.zeros((len(s), self.channels))
         if s.drive != "collective":  # which tells no torque
-            e[:, TORQUE] = alpha - torque @ np.linalg.inv(j).T
+            e[:, TORQUE] = s.alpha @ gyro.T - torque @ np.linalg.inv(j).T
         place = frame.arm * np.array([v["imu_x"], v["imu_y"], v["imu_z"]]) - self.center(v)
         push += self._lever(v["force_late"], v["window"]) @ (gyro.T @ place) @ gyro.T
-        push[:, 2] += rotors.late @ self.gains(v)
+        push[:, 2] += (rotors.late - rotors.thrust) @ self.gains(v)
         e[:, FORCE] = s.force - push @ turn - np.array([v["bias_x"], v["bias_y"], v["bias_z"]])
         if self.channels == 10:
             # Telemetry runs ahead of the body's sensors by the clock.
@@ -232,7 +196,10 @@ class FlightModel:
 
     def gains(self, v: Values) -> np.ndarray:
         """Return thrust over mass (4,) of the rotors at the unit of input [m/s²]."""
-        return 0.25 * G * v["scale"] * v["charge"] * rotor_gains(v, self.frame)
+        out = np.full(4, 0.25 * G * v["scale"] * v["charge"])
+        for rotor, gain in enumerate(rotor_gains(v, self.frame), 1):
+            out *= WeakRotor(rotor, gain).thrust_gain(0.0)
+        return out
 
     def center(self, v: Values) -> np.ndarray:
         """Return the centre of mass (3,) from Bo [m]."""
@@ -240,46 +207,33 @@ class FlightModel:
             [v["com_x"] + v["shift_x"], v["com_y"] + v["shift_y"], v["com_z"]]
         )
 
-    def arms(self, v: Values) -> np.ndarray:
-        """Return the map (3, 4) from relative thrusts to torque over mass about the centre of mass
-        [m²/s²].
+    def motion(self, x: np.ndarray, rotors: "Rotors") -> Motion:
+        """Return the motion of states x (m, 13), as effects on `Frame.vehicle` read it."""
+        thrust = self.frame.vehicle.thrust_coefficient * rotors.speed**2
+        return Motion(0.0, x, thrust, rotor_rate=rotors.rate)
+
+    def wrench(self, v: Values, motion: Motion, rotors: "Rotors") -> np.ndarray:
+        """Return force and torque about the centre of mass (m, 6) of rotors and air, in body axes
+        and over mass [m/s², m²/s²].
         """
         frame = self.frame
-        arms = self.frame.positions - self.center(v)
-        # A motor that leans turns the vehicle about z, too.
-        lean = frame.directions + v["lean_x"] * frame.patterns[0] + v["lean_y"] * frame.patterns[1]
-        return self.gains(v) * np.stack(
-            [arms[:, 1], -arms[:, 0], v["torque"] * frame.radius * lean]
+        vehicle = frame.vehicle
+        effects = (
+            LinearDrag(v["drag"], v["drag"], v["climb"]),
+            TranslationalLift(v["lift"]),
+            RotorGyroscopic(v["rotor_momentum"] * inertia(v)[2, 2] * frame.arm**2),
         )
-
-    def wrench(
-        self, v: Values, w: np.ndarray, u: np.ndarray | None, rotors: "Rotors"
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return force (m, 3) of the air at Bo and torque (m, 3) of air and rotors about the centre
-        of mass [m/s², m²/s²].
-
-        Drag grows with rotor speed, as the effect `linear_drag`.
-
-        Args:
-            w: (m, 3) body rates [rad/s].
-            u: (m, 3) velocity in body axes [m/s]; None: not known, and no wrench of the air.
-        """
-        frame = self.frame
-        torque = rotors.thrust @ self.arms(v).T
-        # Angular momentum of the rotors, which turn against their reaction torques.
-        momentum = v["rotor_momentum"] * inertia(v)[2, 2] * frame.arm**2
-        h = momentum * (rotors.speed @ frame.directions)
-        torque[:, 0] += w[:, 1] * h
-        torque[:, 1] -= w[:, 0] * h
-        torque[:, 2] += momentum * (rotors.rate @ frame.directions)
-        if u is None:
-            return np.zeros_like(torque), torque
-        force = u * np.array([-v["drag"], -v["drag"], -v["climb"]]) * rotors.mean[:, None]
-        force[:, 2] += v["lift"] * (u[:, 0] ** 2 + u[:, 1] ** 2)
-        torque += force @ attitude.skew(-self.center(v)).T
-        torque[:, 0] -= frame.arm * v["flap_y"] * u[:, 1]
-        torque[:, 1] += frame.arm * v["flap_x"] * u[:, 0]
-        return force, torque
+        out = np.sum([effect.body_wrench(vehicle, motion) for effect in effects], axis=0)
+        # The air may turn a vehicle about x otherwise than about y.
+        flapping = BladeFlapping(-frame.arm).body_wrench(vehicle, motion)
+        out += flapping * [0.0, 0.0, 0.0, v["flap_y"], v["flap_x"], 0.0]
+        mixer = self.gains(v) * vehicle.mixer
+        # A motor that leans turns the vehicle about z, too.
+        lean = v["lean_x"] * frame.patterns[0] + v["lean_y"] * frame.patterns[1]
+        mixer[3] *= v["torque"] * (1.0 + frame.directions * lean)
+        out[:, 2:] += rotors.thrust @ mixer.T
+        out[:, 3:] -= out[:, :3] @ attitude.skew(self.center(v)).T
+        return out
 
     def _window(self, late: float, share: float) -> tuple[np.ndarray, np.ndarray]:
         """Return begin and end (m,) of the times over which the accelerometer's readings are means
@@ -340,11 +294,11 @@ class FlightModel:
             throttle = s.input if s.command is None else s.command
             hover = target_speed(np.array(frame.throttle), curve, idle)
             wanted = full * target_speed(throttle, curve, idle) / hover
-        if s.voltage is not None and frame.volts > 0:
-            wanted = wanted * ((s.voltage / frame.volts) ** (0.5 * sag))[:, None]
-        wanted = np.ascontiguousarray(wanted)
+        if s.voltage is not None:
+            battery = ThrottleMap(1.0, voltage=frame.volts, voltage_exponent=sag)
+            wanted = wanted * np.sqrt(battery.thrust(1.0, s.voltage[:, None]))
         grid = self._grid
-        return self._fine, lagged(wanted, grid.row, grid.step, lag, lag * ratio)
+        return self._fine, UnevenLag(lag, lag * ratio).follow(wanted, grid.row, grid.step)
 
     def _make_telemetry(self, late: float, response: tuple[float, ...]) -> np.ndarray:
         """Return the relative rotor speeds (m, 4) that the throttle gives."""
@@ -385,8 +339,3 @@ class Rotors:
     def at(self, rows: np.ndarray) -> "Rotors":
         """Return what they do in these bins."""
         return Rotors(self.speed[rows], self.thrust[rows], self.late[rows], self.rate[rows])
-
-    @cached_property
-    def mean(self) -> np.ndarray:
-        """(m,) mean relative speed [1]."""
-        return self.speed.mean(axis=1)

@@ -208,6 +208,7 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     edges = np.arange(0, rows, each)
     length = np.diff(log.t[edges])[:, None]
     dt = np.diff(log.t)
+    bins = log.t[edges[:-1]], log.t[edges[1:]]
     specific = (
         force_between(log.t, log.q, log.v)
         if log.a is None
@@ -262,11 +263,11 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         edges=edges,
         force=force,
         alpha=np.diff(w[edges], axis=0) / length,
-        rate=_mean_line(w, dt, edges),
-        spread=_mean_line(products.reshape(rows, 9), dt, edges).reshape(-1, 3, 3),
+        rate=means(log.t, w, *bins),
+        spread=means(log.t, products.reshape(rows, 9), *bins).reshape(-1, 3, 3),
         velocity=None
         if "velocity" in log.lacks
-        else _mean_line(attitude.rotate_back(log.q, log.v), dt, edges),
+        else means(log.t, attitude.rotate_back(log.q, log.v), *bins),
         good=good,
         drive=drive,
         input=source,
@@ -299,6 +300,24 @@ def interpolated(instants: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.
     return np.stack([np.interp(instants, t, column) for column in values.T], axis=1)
 
 
+def means(t: np.ndarray, values: np.ndarray, starts: np.ndarray, stops: np.ndarray) -> np.ndarray:
+    """Return the means (k, c) of piecewise linear values over spans; constant beyond the ends.
+
+    Args:
+        t: (n,) times of the values [s].
+        values: (n, c).
+        starts: (k,) of the spans [s].
+        stops: (k,) of the spans [s].
+    """
+    line = scipy.interpolate.make_interp_spline(
+        np.r_[2 * t[0] - t[1], t, 2 * t[-1] - t[-2]],
+        np.concatenate([values[:1], values, values[-1:]]),
+        k=1,
+    )
+    total = line.antiderivative()
+    return (total(stops) - total(starts)) / (stops - starts)[:, None]
+
+
 def _likely(values: np.ndarray, unmixer: np.ndarray, step: float) -> np.ndarray:
     """Return values of rotors (n, 4) without white noise; their sum and differences have spectra of
     their own.
@@ -317,8 +336,3 @@ def _mean_after(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.nda
         np.add.reduceat(weighted[: edges[-1]], edges[:-1], axis=0)
         / np.add.reduceat(dt[: edges[-1]], edges[:-1])[:, None]
     )
-
-
-def _mean_line(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Return the means (m, c) of values (n, c) that are linear between rows."""
-    return _mean_after(0.5 * (values[1:] + values[:-1]), dt, edges)

@@ -5,16 +5,18 @@ Open-loop predictions run the model from logged states on, driven by what turned
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
 from np_drake import attitude
+from np_drake.effects.base import chi_from_body
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import Layout, estimate
 from np_drake.identification.identify import Identification
-from np_drake.identification.model import FORCE, TORQUE, FlightModel, Frame, Rotors, Values, inertia
+from np_drake.identification.model import FORCE, TORQUE, FlightModel, Frame, Values, inertia
 from np_drake.identification.signals import G, signals
-from np_drake.rigid_body import P, Q, V, W
+from np_drake.rigid_body import INPUT_SIZE, P, Q, V, W, runge_kutta, state_derivative
 from np_drake.vehicle import Vehicle
 
 # of a bin; own choice: half of 10 ms, at which the fourth-order rule is exact for a rigid body
@@ -40,23 +42,27 @@ def predict(
     if not len(first):
         raise ValueError(f"{log.name}: no stretch of {seconds:g} s without gaps to predict.")
     center = model.center(v)
-    x = log.x[s.edges[first]]
-    R = attitude.rotation_matrix(x[:, Q])
-    x[:, P] += R @ center
-    x[:, V] += np.einsum("sij,sj->si", R, np.cross(x[:, W], center))
+    J = inertia(v) * model.frame.arm**2
+    vehicle = dc.replace(model.frame.vehicle, inertia=J.tolist())
+    x = at_point(log.x[s.edges[first]], center)
     rotors = model.rotors(v)
+
+    def rate(bins: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return the rates of change (s, 13) of states x (s, 13) of the centre of mass."""
+        turning = rotors.at(bins)
+        motion = model.motion(x, turning)
+        force, torque = np.split(model.wrench(v, motion, turning), 2, axis=1)
+        chi = chi_from_body(motion, force, torque)
+        return state_derivative(vehicle, x, np.zeros(INPUT_SIZE), chi)
+
     out = [x]
     h = s.step / INTEGRATION_SUBSTEPS
     for k in range(steps):
-        bin_rotors = rotors.at(first + k)
         for _ in range(INTEGRATION_SUBSTEPS):
-            x = _step(model, v, x, bin_rotors, h)
+            x = runge_kutta(partial(rate, first + k), x, h)
+            x[:, Q] = attitude.normalised(x[:, Q])
         out.append(x)
-    states = np.array(out)
-    R = attitude.rotation_matrix(states[..., Q])
-    turned = np.cross(states[..., W], center)
-    states[..., P] -= R @ center
-    states[..., V] -= np.einsum("ksij,ksj->ksi", R, turned)
+    states = at_point(np.array(out), -center)
     logged = log.x[s.edges[first + np.arange(steps + 1)[:, None]]]
     off = states - logged
     between = attitude.multiply(attitude.conjugate(logged[..., Q]), states[..., Q])
@@ -64,30 +70,14 @@ def predict(
     return first, np.stack([np.linalg.norm(part, axis=-1) for part in parts], axis=-1)
 
 
-def _step(model: FlightModel, v: Values, x: np.ndarray, rotors: Rotors, h: float) -> np.ndarray:
-    """Return states (s, 13) one Runge-Kutta step later."""
-    one = _rate(model, v, x, rotors)
-    two = _rate(model, v, x + 0.5 * h * one, rotors)
-    three = _rate(model, v, x + 0.5 * h * two, rotors)
-    four = _rate(model, v, x + h * three, rotors)
-    out = x + h / 6 * (one + 2 * two + 2 * three + four)
-    out[:, Q] = attitude.normalised(out[:, Q])
+def at_point(x: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return the states (..., 13) of a point that lies at a place (3,) from that of x, in body axes
+    [m].
+    """
+    out = x.copy()
+    out[..., P] += attitude.rotate(x[..., Q], place)
+    out[..., V] += attitude.rotate(x[..., Q], np.cross(x[..., W], place))
     return out
-
-
-def _rate(model: FlightModel, v: Values, x: np.ndarray, rotors: Rotors) -> np.ndarray:
-    """Return the rates of change (s, 13) of states x (s, 13), of the centre of mass."""
-    q = x[:, Q]
-    w = x[:, W]
-    u = attitude.rotate_back(q, x[:, V])
-    push, torque = model.wrench(v, w, u, rotors)
-    push[:, 2] += rotors.thrust @ model.gains(v)
-    a = attitude.rotate(q, push) - [0.0, 0.0, G]
-    j = inertia(v) * model.frame.arm**2
-    torque -= np.cross(w, w @ j.T)
-    return np.concatenate(
-        [x[:, V], attitude.quaternion_rate(q, w), a, torque @ np.linalg.inv(j).T], axis=1
-    )
 
 
 HORIZONS = (0.1, 0.5)  # of open-loop prediction [s]
@@ -136,7 +126,7 @@ def vehicle_values(
     elif drive == "command":
         scale = frame.unit / weight
     elif vehicle.throttle is not None and drive == "throttle":
-        scale = float(vehicle.throttle.thrust(frame.unit, frame.volts or None)) / weight
+        scale = float(vehicle.throttle.thrust(frame.unit, frame.volts)) / weight
     gains = np.linalg.lstsq(frame.patterns.T, np.array(c.rotor_gains) - 1.0, rcond=None)[0]
     imu = np.array(c.imu_position or [0.0, 0.0, 0.0]) / arm
     up = max(vehicle.rotor_time_constant, 1e-6)

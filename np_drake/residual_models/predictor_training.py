@@ -28,6 +28,7 @@ from np_drake.residual_models.motion_model import (
     WrenchNetwork,
     fit_gaussian_process,
 )
+from np_drake.rigid_body import runge_kutta
 from np_drake.rotor_input import acting_command, with_rotor_lag
 from np_drake.trained_model import Perceptron, origin_of, with_origin
 from np_drake.training_data.accelerations import with_accelerations
@@ -228,16 +229,12 @@ def rollout(
     y = start[:, 3:]
     course = []
     for command in u.unbind(dim=1):
-        k1 = _rate(vehicle, y, command, wrench)
-        k2 = _rate(vehicle, y + 0.5 * step * k1, command, wrench)
-        k3 = _rate(vehicle, y + 0.5 * step * k2, command, wrench)
-        k4 = _rate(vehicle, y + step * k3, command, wrench)
-        y = y + (step / 6) * (k1 + 2 * k2 + 2 * k3 + k4)
+        y = runge_kutta(partial(_rate, vehicle, wrench, command), y, step)
         course.append(y[:, 4:])
     return torch.stack(course, dim=1)
 
 
-def _rate(vehicle: Vehicle, y: torch.Tensor, u: torch.Tensor, wrench: Callable) -> torch.Tensor:
+def _rate(vehicle: Vehicle, wrench: Callable, u: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
     q0, q1, q2, q3 = y[:, :4].T
     w = y[:, 7:]
     chi = wrench(y[:, 4:])

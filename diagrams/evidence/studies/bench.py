@@ -43,7 +43,7 @@ from np_drake.mpc.problem import (
 from np_drake.mpc.sqp import SqpSolver, as_solution
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.residual_model import Sample, WrenchForecast
-from np_drake.rigid_body import STATE_SIZE, Q, state_derivative, zeta
+from np_drake.rigid_body import STATE_SIZE, Q, runge_kutta, state_derivative, zeta
 from np_drake.vehicle import Vehicle
 
 _BLOCK = 20  # problems that a solver takes in a row [1]
@@ -460,7 +460,7 @@ def _expressions(vehicle: Vehicle, config: MpcConfig, K: int, *, foresees: bool)
     A, B, C, offset = (part.reshape(shape) for part, shape in zip(parts, shapes, strict=False))
     u = _row(T) @ vehicle.mixer.T
     chi = offset + z @ C.T if K else offset[None]
-    x_next = _next_state(vehicle, config.step, x, u, chi)
+    x_next = runge_kutta(lambda x: state_derivative(vehicle, x, u, chi), x, config.step)
     z_next = z @ A.T + zeta(x) @ B.T if K else z
     e = x[0] - parameters[169:182]
     P = parameters[:169].reshape(STATE_SIZE, STATE_SIZE)
@@ -483,16 +483,6 @@ def _row(symbols: Any) -> np.ndarray:
     row = np.empty((1, symbols.numel()), object)
     row[0] = symbols.elements()
     return row
-
-
-def _next_state(vehicle: Vehicle, h: float, x: Any, u: Any, chi: Any) -> Any:
-    """Return the state one step `h` later [s], by the classical Runge-Kutta."""
-    rate: Any = 0.0
-    total: Any = 0.0
-    for ahead, weight in ((0.0, 1), (h / 2, 2), (h / 2, 2), (h, 1)):
-        rate = state_derivative(vehicle, x + ahead * rate, u, chi)
-        total = total + weight * rate
-    return x + h / 6 * total
 
 
 def _lifted(forecast: WrenchForecast, x: np.ndarray) -> np.ndarray:

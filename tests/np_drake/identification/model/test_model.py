@@ -6,14 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.identification.estimation import parameters
-from np_drake.identification.model import (
-    FORCE,
-    TORQUE,
-    FlightModel,
-    Frame,
-    euler_of_moments,
-    inertia,
-)
+from np_drake.identification.model import FORCE, TORQUE, FlightModel, Frame, gyroscopic, inertia
 from np_drake.identification.signals import signals
 from np_drake.identification.validation import vehicle_values
 from tests.np_drake.identification import analytic
@@ -69,7 +62,7 @@ def model_of(frame_of):
 def test_the_gyroscopic_torque_is_w_cross_j_w(w, j):
     w, (xx, yy, zz, xy, xz, yz) = np.array(w), j
     J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    dut = euler_of_moments(np.outer(w, w)[None])[0] @ j
+    dut = gyroscopic(J, np.outer(w, w)[None])[0]
     np.testing.assert_allclose(dut, np.cross(w, J @ w), atol=1e-9)
 
 

@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.identification.model import lagged, means, target_speed
-from np_drake.identification.signals import FINEST, Substeps
+from np_drake.effects.motor_lag import lagged
+from np_drake.identification.model import target_speed
+from np_drake.identification.signals import FINEST, Substeps, means
 from np_drake.vehicle.vehicle import ThrottleMap
 
 
