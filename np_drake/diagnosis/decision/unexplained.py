@@ -521,36 +521,47 @@ def measure_remainder(
     ]
     excess = _drawn_means(squares, round(SCORE_BLOCK / first.grid.step), rng) - power - drift
 
-    # Draws before and after, of sizes with that of the mean behind them: power over noise [1],
-    # force [N], torque [N·m].
-    there = structure.there
-    hidden = np.minimum(there @ (structure.powers @ scale), power @ scale)
-    gap, remaining = (np.maximum(excess @ scale, 0.0) + hidden[:, None]).T
-    beyond = np.maximum(_with_mean(excess), 0.0) + _with_mean(there @ structure.powers)[:, None]
-    force, torque = (np.sqrt(beyond[..., part].sum(axis=-1)) for part in (FORCE, TORQUE))
+    # Draws (n,) of what noise may hide: power [N², (N·m)²] and its share of that of the noise [1].
+    structure_power = structure.there @ structure.powers
+    hidden_power = np.minimum(structure.there @ (structure.powers @ scale), power @ scale)
+    gap, remaining = (np.maximum(excess @ scale, 0.0) + hidden_power[:, None]).T
 
-    # Position error [m], beyond that of noise, of slow errors of the attitude, and with structure.
+    # Squared position errors (n, 2) before and after [m²], and (n,) those of the structure.
     starts, by_noise = _position_errors(held_out, residuals, noise)
+    moved = _drawn_means(starts, round(SCORE_BLOCK / STARTS), rng)
+    hidden_moved = np.minimum(structure.there @ structure.squares, np.mean(by_noise))
     tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / vehicle.mass) ** 2
-    hidden = _with_mean(np.minimum(there @ structure.squares, np.mean(by_noise)))[:, None]
-    moved = _with_mean(_drawn_means(starts, round(SCORE_BLOCK / STARTS), rng))
-    position = np.sqrt(np.maximum(moved - tilted, 0.0) + hidden)
+
+    def sizes(
+        excess: np.ndarray, power: np.ndarray, moved: np.ndarray, hidden_moved: np.ndarray
+    ) -> list[np.ndarray]:
+        """Return force [N], torque [N·m] and position error [m] beyond noise and slow errors of the
+        attitude, with structure: before and after (…, 2), of draws or of their means.
+        """
+        beyond = np.maximum(excess, 0.0) + power[..., None, :]
+        force, torque = (np.sqrt(beyond[..., part].sum(axis=-1)) for part in (FORCE, TORQUE))
+        position = np.sqrt(np.maximum(moved - tilted, 0.0) + hidden_moved[..., None])
+        return [force, torque, position]
+
+    draws = (excess, structure_power, moved, hidden_moved)
+    drawn_force, _, drawn_position = sizes(*draws)
+    force, torque, position = sizes(*(values.mean(axis=0) for values in draws))
     alone = float(np.sqrt(np.quantile(by_noise, ALONE)))
     tells = alone < vehicle.gravity * HORIZON**2 / 12  # of a constant torque, a radian [m]
 
     remainder = Remainder(
-        force=float(force[-1, 1]),
-        torque=float(torque[-1, 1]),
-        position=float(position[-1, 1]) if tells else np.nan,
-        position_before=float(position[-1, 0]),
+        force=float(force[1]),
+        torque=float(torque[1]),
+        position=float(position[1]) if tells else np.nan,
+        position_before=float(position[0]),
         noise=alone,
     )
     materiality = options.materiality
     least = materiality.remaining_force * first.weight
-    large_before = force[-1, 0] >= least or remainder.position_before >= materiality.position
+    large_before = force[0] >= least or remainder.position_before >= materiality.position
     if not (np.quantile(gap, SURE_GAP) > 0 and large_before):
         return remainder
-    large = (force[:-1, 1] > least) | (position[:-1, 1] > materiality.position)
+    large = (drawn_force[:, 1] > least) | (drawn_position[:, 1] > materiality.position)
     shares = np.maximum(remaining / np.maximum(gap, 1e-12), NEVER_LESS)
     material = (shares > TOO_MUCH) | (large & (shares > NOTHING))
     low, high = np.quantile(shares, [0.025, 0.975])
@@ -603,11 +614,6 @@ def _drawn_structure(
     powers = np.minimum(uncapped, power)
     share = powers @ scale / np.maximum(uncapped @ scale, 1e-300)
     return _Structure(there, powers, share * [i.position for i in indications])
-
-
-def _with_mean(draws: np.ndarray) -> np.ndarray:
-    """Return draws (n, …) with their mean behind them (n + 1, …)."""
-    return np.concatenate([draws, draws.mean(axis=0, keepdims=True)])
 
 
 def _drawn_means(parts: Sequence[np.ndarray], size: int, rng: np.random.Generator) -> np.ndarray:
