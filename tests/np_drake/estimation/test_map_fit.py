@@ -53,7 +53,7 @@ def test_the_minimum_is_within_bounds_and_free_figures_are_at_rest(seed):
     assert (gradient[dut.z >= upper] <= 1e-9).all()
 
 
-def test_a_first_step_without_damping_solves_what_the_prior_alone_tells_apart():
+def test_a_step_without_damping_solves_what_the_prior_alone_separates():
     row = np.array([1e4, 1e4])  # of two coordinates that look the same
 
     def residual(z):
@@ -87,7 +87,7 @@ def scores_of(seed: int, blocks: int, together: int) -> np.ndarray:
     return np.repeat(rng.normal(size=(blocks // together, 2)), together, axis=0)
 
 
-def test_independent_scores_of_a_right_model_give_the_inverse_of_the_information():
+def test_independent_scores_give_the_inverse_of_the_information():
     blocks = 4000
     prior = 0.25 * blocks * np.eye(2)
     inverse = np.linalg.inv(blocks * np.eye(2) + prior)
@@ -95,7 +95,7 @@ def test_independent_scores_of_a_right_model_give_the_inverse_of_the_information
     np.testing.assert_allclose(dut, inverse, atol=0.05 * inverse[0, 0])
 
 
-def test_scores_that_depend_on_one_another_widen_the_covariance_of_longer_blocks():
+def test_dependent_scores_widen_the_covariance_of_longer_blocks():
     blocks = 2700
     inverse = np.eye(2) / blocks
     _, one, three, nine = clustered_covariances(
