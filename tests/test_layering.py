@@ -15,7 +15,7 @@ FILES = sorted(path.relative_to(ROOT) for floor in FLOORS for path in (ROOT / fl
 DIAGNOSIS = (
     *("options", "residuals", "result", "forward_model", "effect_prior"),
     *("regressors", "swing_fit", "rotor_balance"),
-    *("fitting", "calibration", "held_out", "selection", "gusts", "slow_force", "decision"),
+    *("fitting", "calibration", "held_out", "selection", "slow_force", "gusts", "decision"),
     *("gap", "doctor", "report", "diagnose"),
 )
 GROUND = (

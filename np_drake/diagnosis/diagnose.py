@@ -53,7 +53,7 @@ from np_drake.diagnosis.gap import (
     unexcited_diagnosis,
     with_held_out_gains,
 )
-from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gusts
+from np_drake.diagnosis.gusts import as_gusts, in_gusts, with_drag
 from np_drake.diagnosis.held_out import (
     HeldOut,
     mark_outliers,
@@ -61,7 +61,7 @@ from np_drake.diagnosis.held_out import (
     subtract_fitted_calibration,
 )
 from np_drake.diagnosis.options import Options, Tolerance
-from np_drake.diagnosis.regressors import tolerance_of, widen_tolerance
+from np_drake.diagnosis.regressors import GUSTY, tolerance_of, widen_tolerance
 from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.report.words import headline
 from np_drake.diagnosis.residuals import (
@@ -84,7 +84,7 @@ from np_drake.diagnosis.result import (
 )
 from np_drake.diagnosis.rotor_balance import compare_balance
 from np_drake.diagnosis.selection import Ranking, find_map_model, rank_models
-from np_drake.diagnosis.slow_force import position_p_value
+from np_drake.diagnosis.slow_force import position_p_value, residuals_of
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.estimation.priors import HEALTHY
 from np_drake.estimation.regression import places
@@ -171,9 +171,7 @@ def conclude(searched: Ranking, judging: Sequence[FlightResiduals]) -> Inference
         # Gusts do not depend on position alike in all flights.
         unsplit = [flight for flight in held_out.flights if not flight.joined.any()]
         flights = [*ranking.problem.flights, *unsplit]
-        residuals = residuals_of(ranking, held_out)
-        begins = dict.fromkeys(flight.name for flight in flights)
-        p_value = position_p_value(flights, residuals, begins)
+        p_value = position_p_value(flights, residuals_of(ranking, held_out), ranking.options)
         if p_value < ranking.options.thresholds.position_p_value:
             slow = slow._replace(finding=PLACE)
         else:
@@ -268,7 +266,14 @@ def _in_gusts(
         linear = LinearModel(with_one)
     held_out = on_held_out(ranking.best, held_out.flights, ranking.noise, ranking.options)
     causes, minor = decide(ranking, linear.log_odds(structure), held_out, gusts=True)
-    causes = with_gusts(ranking, held_out, causes, probability)
+    causes = as_gusts(
+        ranking.problem.flights,
+        residuals_of(ranking, held_out, but=GUSTY),
+        causes,
+        probability,
+        ranking.options,
+        held_out.flights,
+    )
     if not any(cause.identifier == GustyWind.identifier for cause in causes):
         return None
     return ranking, in_gusts(held_out, causes), causes, minor

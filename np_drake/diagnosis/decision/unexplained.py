@@ -26,7 +26,7 @@ from np_drake.diagnosis.regressors import LINEAR, PREFIX, generic_candidates, pr
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
 from np_drake.diagnosis.result import CHANNELS, Cause, Remainder, ResidualFinding
 from np_drake.diagnosis.selection import Ranking
-from np_drake.diagnosis.slow_force import gust_probability
+from np_drake.diagnosis.slow_force import gust_probability, residuals_of
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.estimation.map_fit import SCORE_BLOCK
 from np_drake.estimation.noise import NoiseModel
@@ -318,11 +318,9 @@ def find_unexplained(
     options = ranking.options
     best = ranking.best
     flights = ranking.problem.flights
-    residual = {flight.name: best.residual(flight) for flight in flights}
-    swung = {flight.name: held_out.swing_free_residual(flight) for flight in held_out.flights}
+    both = residuals_of(ranking, held_out)
     hidden = has_swing(best.terms)
-    slowly = gust_probability(flights, residual, held_out.flights, swung, options, hidden=hidden)
-    both = residual | swung
+    slowly = gust_probability(ranking, held_out)
     tau = np.concatenate(
         [flight.nominal[:, 3:] - flight.nominal[:, 3:].mean(axis=0) for flight in flights]
     )
@@ -358,7 +356,7 @@ def find_unexplained(
         )
     )
     return indications, Indication.of(
-        slowly, SLOW_FORCE, flights, [_slow_part(flight, residual, [0, 1]) for flight in flights]
+        slowly, SLOW_FORCE, flights, [_slow_part(flight, both, [0, 1]) for flight in flights]
     )
 
 

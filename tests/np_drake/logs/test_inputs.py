@@ -7,7 +7,6 @@ import pytest
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.inputs import (
-    USUAL,
     hover_exponent,
     with_hover_thrust,
     with_throttle_input,
@@ -15,7 +14,7 @@ from np_drake.logs.inputs import (
 )
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.vehicle import VOLTAGE, ThrottleMap
+from np_drake.vehicle.vehicle import THROTTLE_POWER, VOLTAGE, ThrottleMap
 
 VEHICLE = Vehicle()
 WEIGHT = VEHICLE.mass * VEHICLE.gravity
@@ -79,7 +78,7 @@ def test_a_battery_that_falls_is_the_voltage_and_no_other_map():
         dc.replace(bobbing(0.2, 0.5, 0), voltage=np.full(2000, volts)) for volts in (16.0, 14.4)
     )
     assert empty.throttle is not None
-    empty = dc.replace(empty, throttle=empty.throttle * (16.0 / 14.4) ** (VOLTAGE / USUAL))
+    empty = dc.replace(empty, throttle=empty.throttle * (16.0 / 14.4) ** (VOLTAGE / THROTTLE_POWER))
     (first,), (second,) = with_throttle_map(VEHICLE, [full], [empty])
     np.testing.assert_allclose(second.u[:, 0], first.u[:, 0], rtol=1e-12)
 
@@ -94,7 +93,7 @@ def test_the_map_of_the_vehicle_file_is_taken_as_it_is():
 
 
 def test_the_exponent_at_hover_is_that_of_the_map():
-    assert hover_exponent(VEHICLE) == USUAL
+    assert hover_exponent(VEHICLE) == THROTTLE_POWER
     for linear, exponent in ((0.0, 2.0), (1.0, 1.0)):
         vehicle = dc.replace(VEHICLE, throttle=ThrottleMap(full_thrust=10.0, linear=linear))
         assert hover_exponent(vehicle) == pytest.approx(exponent, rel=1e-6)
