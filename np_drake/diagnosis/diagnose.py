@@ -41,7 +41,7 @@ from np_drake.diagnosis.decision.unexplained import (
     find_unexplained,
     measure_remainder,
 )
-from np_drake.diagnosis.doctor.flight_facts import findings_on
+from np_drake.diagnosis.doctor.flight_facts import bridged_rows, findings_on
 from np_drake.diagnosis.fitting import fit_of_subset
 from np_drake.diagnosis.forward_model import has_swing
 from np_drake.diagnosis.gap import (
@@ -91,7 +91,6 @@ from np_drake.estimation.regression import places
 from np_drake.files.number_text import NBSP, number
 from np_drake.finding import joined
 from np_drake.flight_log import FlightLog
-from np_drake.logs.columns import said_of_bridged
 from np_drake.logs.inputs import usual_voltage, with_hover_thrust, with_throttle_map
 from np_drake.logs.opening import with_neighbours
 from np_drake.logs.rotors import named_rotors
@@ -121,7 +120,7 @@ class Logs(NamedTuple):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What their readers and the battery say of them."""
-        bridged = said_of_bridged([*self.fitted, *self.held_out])
+        bridged = bridged_rows([*self.fitted, *self.held_out])
         voltage = voltage_change(self.before, [*self.train, *self.held_out])
         return (*bridged, *self.notes, *voltage)
 

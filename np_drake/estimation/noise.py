@@ -14,6 +14,16 @@ import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 
+def white_noise(values: list[np.ndarray]) -> np.ndarray:
+    """Return the standard deviation of white noise in values (n, c), (c,), from fourth differences.
+
+    A fourth difference multiplies white noise by sqrt(70) and all but removes motion slower than a
+    tenth of the sampling rate. The median is taken, so that a few jumps do not count.
+    """
+    difference = np.concatenate([np.diff(piece, n=4, axis=0) for piece in values])
+    return np.median(np.abs(difference), axis=0) / (0.6745 * np.sqrt(70.0))
+
+
 @dc.dataclass(frozen=True)
 class NoiseModel:
     """Autoregressive noise of c channels with order p.

@@ -14,10 +14,10 @@ from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.estimation.noise import white_noise
 from np_drake.identification.signals import G, Signals, Substeps, interpolated, means
 from np_drake.rigid_body import STATE_SIZE, Q, V, W
 from np_drake.training_data.accelerations import most_likely
-from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import ThrottleMap
 

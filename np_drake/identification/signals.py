@@ -12,9 +12,9 @@ import scipy
 
 from np_drake import attitude
 from np_drake.checks import require
+from np_drake.estimation.noise import white_noise
 from np_drake.flight_log import FlightLog
 from np_drake.training_data.accelerations import most_likely
-from np_drake.training_data.segments import white_noise
 
 G = 9.81  # of all logs; the accelerometer tells no other [m/s²]
 

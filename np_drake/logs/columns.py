@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.files.number_text import percent
 from np_drake.finding import Finding, Kind
 from np_drake.flight_log import COLUMNS as COLUMNS
 from np_drake.flight_log import FlightLog
@@ -346,18 +345,3 @@ def _marked(table: Table) -> np.ndarray:
 
 def _usual(t: np.ndarray) -> float:
     return float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-
-
-def said_of_bridged(logs: Sequence[FlightLog]) -> list[str]:
-    """Return one line on the rows that readers put into short gaps of flights; none where there are
-    none.
-    """
-    counts = [int(log.in_gap.sum()) for log in logs]
-    if not any(counts):
-        return []
-    share = sum(counts) / sum(map(len, logs))
-    return [
-        f"{sum(counts)} rows ({percent(share)}) in gaps of {sum(map(bool, counts))} of {len(logs)} "
-        "flights were filled in; they do not count in the answer, and below 10 % nothing needs to "
-        "be done."
-    ]

@@ -17,12 +17,12 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
+from np_drake.estimation.noise import white_noise
 from np_drake.finding import Finding, Kind
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.laws import stretches
 from np_drake.logs.importing.signals import Signal
-from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rotor_layout import NEAR, RotorLayout, RotorName, places, rotor_names
 

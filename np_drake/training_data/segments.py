@@ -137,16 +137,6 @@ def group_scale(values: list[np.ndarray], *, centred: bool) -> np.ndarray:
     return np.where(scale > 1e-12, scale, 1.0)
 
 
-def white_noise(values: list[np.ndarray]) -> np.ndarray:
-    """Return the standard deviation of white noise in values (n, c), (c,), from fourth differences.
-
-    A fourth difference multiplies white noise by sqrt(70) and all but removes motion slower than a
-    tenth of the sampling rate. The median is taken, so that a few jumps do not count.
-    """
-    difference = np.concatenate([np.diff(piece, n=4, axis=0) for piece in values])
-    return np.median(np.abs(difference), axis=0) / (0.6745 * np.sqrt(70.0))
-
-
 @dc.dataclass(frozen=True)
 class SampledFlight:
     """State, command and label of a flight every `step` seconds.

@@ -12,6 +12,8 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
+from np_drake.estimation.noise import white_noise
+from np_drake.files.number_text import percent
 from np_drake.finding import Finding, Kind, Place, shown_at
 from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import FINEST, Lag, lag_of, state_lags
@@ -28,7 +30,6 @@ from np_drake.logs.importing.log_map import GRAVITY
 from np_drake.logs.importing.parts import lift_of
 from np_drake.logs.importing.signals import Signal
 from np_drake.logs.rotors import torque_agreement
-from np_drake.training_data.segments import white_noise
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 
@@ -307,3 +308,18 @@ def _saturated(log: FlightLog, vehicle: Vehicle | None) -> float | None:
         return None
     share = log.u @ vehicle.unmixer.T / vehicle.max_rotor_thrust
     return float(np.mean(np.any((share > NEAR_LIMIT) | (share < 1 - NEAR_LIMIT), axis=1)))
+
+
+def bridged_rows(logs: Sequence[FlightLog]) -> list[str]:
+    """Return one line on the rows that readers put into short gaps of flights; none where there are
+    none.
+    """
+    counts = [int(log.in_gap.sum()) for log in logs]
+    if not any(counts):
+        return []
+    share = sum(counts) / sum(map(len, logs))
+    return [
+        f"{sum(counts)} rows ({percent(share)}) in gaps of {sum(map(bool, counts))} of {len(logs)} "
+        "flights were filled in; they do not count in the answer, and below 10 % nothing needs to "
+        "be done."
+    ]

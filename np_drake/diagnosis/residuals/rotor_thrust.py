@@ -12,10 +12,10 @@ from np_drake import attitude
 from np_drake.effects.base import ActuatorEffect
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.estimation.noise import white_noise
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.signals import REPEATED, Signal
 from np_drake.training_data.accelerations import most_likely
-from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 
 THRUST_SUBSTEPS = 4  # substeps in an interval of the log; own choice

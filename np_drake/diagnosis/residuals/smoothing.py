@@ -10,10 +10,10 @@ import numpy as np
 import scipy
 
 from np_drake import attitude
+from np_drake.estimation.noise import white_noise
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.signals import Signal
 from np_drake.rigid_body import P, Q, W
-from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 
 REGRESSOR_BAND = 8.0  # low-pass on accelerations that enter as regressors [Hz]; own choice

@@ -6,7 +6,8 @@ On a plain circle the vertical velocity is noise and feedback: nothing tells wha
 import numpy as np
 import scipy
 
-from np_drake.training_data.segments import Segment, group_scale, white_noise
+from np_drake.estimation.noise import white_noise
+from np_drake.training_data.segments import Segment, group_scale
 
 
 def turns(zeta: np.ndarray) -> list[np.ndarray]:

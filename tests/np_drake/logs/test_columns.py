@@ -7,15 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from np_drake.diagnosis.doctor.flight_facts import bridged_rows
 from np_drake.logs.columns import LONGEST_GAP as LONGEST
-from np_drake.logs.columns import (
-    Table,
-    bridge_gaps,
-    disassemble,
-    present_fields,
-    said_of_bridged,
-    split_at_gaps,
-)
+from np_drake.logs.columns import Table, bridge_gaps, disassemble, present_fields, split_at_gaps
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import read as read_flights
 from np_drake.logs.formats.text_table import write_csv
@@ -179,8 +173,8 @@ def test_three_lost_rows_are_bridged_marked_and_said_once(tmp_path):
     np.testing.assert_allclose(dut.p[200:203, 0], np.cos(T[200:203]), atol=2e-4)
     assert dut.notes == []
     whole = dc.replace(dut, bridged=None)
-    assert said_of_bridged([whole]) == []
-    (line,) = said_of_bridged([dut, whole, dut])
+    assert bridged_rows([whole]) == []
+    (line,) = bridged_rows([dut, whole, dut])
     assert line.startswith(
         "6 rows (0.3\u00a0%) in gaps of 2 of 3 flights were filled in; they do not count"
     )

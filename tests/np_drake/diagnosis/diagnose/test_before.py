@@ -1,11 +1,15 @@
 """Laws of what changed since flights before."""
 
 import dataclasses as dc
+import importlib
+import sys
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import np_drake
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.options import Tolerance
 from np_drake.diagnosis.report.words import headline, lead
@@ -42,6 +46,36 @@ def since(fly):
         return diagnose(after[:2], after[2:], UNMEASURED, **how)
 
     return answer
+
+
+def test_a_flight_is_conditioned_once_and_its_rows_pass_few_files(fly, monkeypatch):
+    names = ("before", "train", "held out")
+    how = {"noise": 1.0, "seconds": 8.0, "vehicle": UNMEASURED}
+    logs = [fly(*OWN, name=name, seed=i, **how) for i, name in enumerate(names)]
+    conditioned, files = [], set()
+    module = importlib.import_module("np_drake.diagnosis.diagnose")
+    make = module.make_flight_residuals
+
+    def counted(log, *given):
+        conditioned.append(log.name)
+        return make(log, *given)
+
+    def enter(frame, event, _):
+        if event == "call":
+            files.add(Path(frame.f_code.co_filename))
+
+    monkeypatch.setattr(module, "make_flight_residuals", counted)
+    before = sys.getprofile()
+    sys.setprofile(enter)
+    try:
+        diagnose([logs[1]], [logs[2]], UNMEASURED, before=[logs[0]], adaptive_split=False)
+    finally:
+        sys.setprofile(before)
+    assert sorted(conditioned) == sorted(names)
+    package = Path(np_drake.__file__).parent
+    passed = [file.relative_to(package) for file in files if file.is_relative_to(package)]
+    # Effects are the physics, a file each; of `compiled` numba loads machine code.
+    assert 20 < len([f for f in passed if f.parts[0] not in ("effects", "compiled.py")]) <= 45
 
 
 def test_what_was_there_before_has_not_changed(since):

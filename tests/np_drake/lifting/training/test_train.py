@@ -5,13 +5,14 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.estimation.noise import white_noise
 from np_drake.lifting.training.excitation import excitation
 from np_drake.lifting.training.neural_lpv import NeuralLpvConfig
 from np_drake.lifting.training.paper_training import PaperConfig
 from np_drake.lifting.training.train import make_config, train
 from np_drake.residual_models.flight_forecasts import walk
 from np_drake.residual_models.lifted_predictor import LiftedLinearPredictor
-from np_drake.training_data.segments import Segment, group_scale, of_wrenches, white_noise
+from np_drake.training_data.segments import Segment, group_scale, of_wrenches
 
 
 @pytest.mark.parametrize("config", [PaperConfig(epochs=2, spacing=40), NeuralLpvConfig(epochs=10)])
