@@ -36,6 +36,7 @@ if TYPE_CHECKING:  # in the order of the search
     from np_drake.effects.mixer_gain import MixerGain as MixerGain
     from np_drake.effects.torque_ratio import TorqueRatio as TorqueRatio
     from np_drake.effects.thrust_ceiling import ThrustCeiling as ThrustCeiling
+    from np_drake.effects.attached_mass import AttachedMass as AttachedMass
     from np_drake.effects.battery_sag import BatterySag as BatterySag
     from np_drake.effects.throttle_curve import ThrottleCurve as ThrottleCurve
     from np_drake.effects.imu_mounting import ImuMounting as ImuMounting

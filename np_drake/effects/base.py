@@ -440,16 +440,18 @@ class MassProperties:
     mass: [kg].
     p_BoBcm_B: (3,) centre of mass [m].
     J: (3, 3) about the centre of mass in body axes [kg·m²].
+    rotor_positions_B: (4, 3) places of the rotors [m].
     """
 
     mass: float
     p_BoBcm_B: np.ndarray
     J: np.ndarray
+    rotor_positions_B: np.ndarray = dc.field(default_factory=lambda: np.zeros((4, 3)))
 
     @staticmethod
     def of(vehicle: Vehicle) -> "MassProperties":
         """Return the mass properties in the vehicle file, with the centre of mass at Bo."""
-        return MassProperties(vehicle.mass, np.zeros(3), vehicle.J)
+        return MassProperties(vehicle.mass, np.zeros(3), vehicle.J, vehicle.rotor_positions_B)
 
     @property
     def rigid(self) -> bool:

@@ -367,7 +367,7 @@ def visible_changes(ranking: Ranking) -> dict[str, float]:
         if set(c.onset) != earlier or c.size != 1 or c.generic:
             continue
         effect = c.terms(np.ones(1))[0].effect
-        (p,) = (p for p in effect.parameters if not p.choices)
+        (p,) = (p for p in effect.parameters if p.vanishes and not p.choices)
         others = [i for i in members if not {*problem.candidates[i].identifiers} & {*c.identifiers}]
         (deviation,) = problem.deviations(k, others)
         if deviation == 0:  # the flights show nothing of it

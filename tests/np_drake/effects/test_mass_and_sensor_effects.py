@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake import attitude
+from np_drake.effects.attached_mass import AttachedMass
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.attitude_latency import AttitudeLatency
 from np_drake.effects.base import MassProperties, Measurement
@@ -52,6 +53,22 @@ def test_mass_effects_add_up_whatever_their_order():
         assert found.mass == 2.3
         np.testing.assert_allclose(found.J, 1.2 * VEHICLE.J)
         np.testing.assert_allclose(found.p_BoBcm_B, [0.01, 0.02, 0.03])
+
+
+@pytest.mark.parametrize("rotor", [1, 2, 3, 4])
+def test_an_attached_mass_is_two_bodies_about_their_common_centre(rotor):
+    found = mass_properties(
+        VEHICLE, [CenterOfMassOffset(0.01, 0.02, 0.03), AttachedMass(rotor, 0.5)]
+    )
+    parts = [(2.0, np.array([0.01, 0.02, 0.03])), (0.5, VEHICLE.rotor_positions_B[rotor - 1])]
+    center = sum(mass * place for mass, place in parts) / 2.5
+    J = VEHICLE.J.copy()
+    for mass, place in parts:
+        off = place - center
+        J += mass * (off @ off * np.eye(3) - np.outer(off, off))
+    assert found.mass == 2.5
+    np.testing.assert_allclose(found.p_BoBcm_B, center)
+    np.testing.assert_allclose(found.J, J)
 
 
 def test_a_gyro_bias_adds_to_the_body_rates():
