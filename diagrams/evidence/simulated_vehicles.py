@@ -24,6 +24,7 @@ from diagrams.evidence.challenge.sensors import (
 from diagrams.evidence.studies.options import Column, fixed, percent, tabulate
 from np_drake import attitude
 from np_drake.effects import BladeFlapping, LinearDrag, TranslationalLift
+from np_drake.effects.base import Effect
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.pendulum import hook_velocity
 from np_drake.files.number_text import NOTHING
@@ -31,6 +32,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.identification.identify import identify
 from np_drake.identification.quantities import Identified, Quantity
 from np_drake.identification.signals import G, force_between
+from np_drake.references.base import Paced
 from np_drake.vehicle.published import LogNormal, published_priors
 from np_drake.vehicle.vehicle import (
     AIR,
@@ -72,7 +74,7 @@ class Truth:
     throttle: its map.
     imu: (3,) the accelerometer from Bo [m]. drag, flapping, lift: of the air.
     input: what its logs hold. known: what its owner knows: geometry and mass, with guesses for the
-        rest. cells: of its battery, over the usual number [1].
+        rest. cells: of its battery, over the usual number [1]. changes: effects that act on it too.
     """
 
     vehicle: Vehicle
@@ -84,6 +86,7 @@ class Truth:
     input: str
     known: Vehicle
     cells: float = 1.0
+    changes: tuple[Effect, ...] = ()
 
     def value_of(self, quantity: Quantity, volts: float | None = None) -> float | None:
         """Return the true value of a quantity; None where it stands for none of the vehicle's.
@@ -187,19 +190,21 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
 
 
 def fly_truth(
-    truth: Truth, rng: np.random.Generator, flights: int, seconds: float
+    truth: Truth, rng: np.random.Generator, flights: int, seconds: float, pace: float = 1.0
 ) -> list[FlightLog]:
-    """Return logs of ordinary flights, of `seconds` [s] each."""
+    """Return logs of ordinary flights, of `seconds` [s] each, at a pace over that drawn [1]."""
     v = truth.vehicle
     spin = float(np.sqrt(0.25 * v.mass * G / v.thrust_coefficient))
     calibration = dc.replace(v.calibration, imu_tilt=[0.0, 0.0, 0.0], clock_offset=0.0)
-    acting = (*effects_of(calibration, v), truth.drag, truth.flapping, truth.lift)
+    air = (truth.drag, truth.flapping, truth.lift)
+    acting = (*effects_of(calibration, v), *air, *truth.changes)
     seen = np.array([0.002] * 3 + [0.0, *[0.003] * 3] + [0.02] * 3 + [v.measurement_noise.rate] * 3)
     logs = []
     for number, plan in enumerate(draw_plans(rng, v, seconds, flights)):
         # The accelerometer's reading is turned to W by the attitude of the log.
         quality = draw_sensor_quality(REAL, rng, spin)
         quality = dc.replace(quality, rotor=TACHOMETER * spin, turned=True)
+        plan = dc.replace(plan, reference=Paced(plan.reference, pace))
         t = quality.instants(rng, seconds)
         exact = fly(v, plan, acting, t=t, simulation=Simulation(noise=seen))
         thrust = exact.u @ v.unmixer.T
@@ -213,7 +218,7 @@ def fly_truth(
 
 
 def draw_and_fly(
-    seed: int, kind: str, flights: int, seconds: float
+    seed: int, kind: str, flights: int, seconds: float, pace: float = 1.0
 ) -> tuple[Truth, list[FlightLog], int]:
     """Return a vehicle and its logs, drawn until its controller flies it without oscillation, and
     how many draws it did not.
@@ -224,7 +229,7 @@ def draw_and_fly(
         rng = np.random.default_rng((seed, attempt))
         truth = draw_truth(rng, kind)
         try:
-            return truth, fly_truth(truth, rng, flights, seconds), attempt
+            return truth, fly_truth(truth, rng, flights, seconds, pace), attempt
         except FailedRun:
             continue
     raise FailedRun(f"identification: no vehicle of seed {seed} could be flown.")
@@ -258,13 +263,15 @@ def _as_logged(
     return dc.replace(log, rotor=None, throttle=throttle, voltage=sagging, input="normalised")
 
 
-def identified(case: Case, *, flights: int, seconds: float) -> Line:
-    """Draw the vehicle of a case {"seed", "kind"}, fly it so often and long [s], identify it, and
-    return what is identified, and processor time of the identification alone [s].
+def identified(case: Case, *, flights: int, seconds: float, pace: float, every: int) -> Line:
+    """Draw the vehicle of a case {"seed", "kind"}, fly it so often and long [s], identify it from
+    every n-th row, and return what is identified, and processor time of the identification alone
+    [s].
 
     Raises: FailedRun: if no vehicle of this seed can be flown.
     """
-    truth, logs, refused = draw_and_fly(case["seed"], case["kind"], flights, seconds)
+    truth, logs, refused = draw_and_fly(case["seed"], case["kind"], flights, seconds, pace)
+    logs = [log.taken(slice(None, None, every)) for log in logs]
     start = time.process_time()
     identification = identify(logs, truth.known, mass=truth.vehicle.mass)
     quantities = identification.quantities
@@ -417,11 +424,15 @@ def run(
     ] = 200,
     flights: Annotated[int, Option(min=1, max=100, help="Flights of each vehicle.")] = 3,
     seconds: Annotated[float, Option(min=5.0, max=600.0, help="Length of a flight [s].")] = 30.0,
+    pace: Annotated[
+        float, Option(min=0.01, max=1.0, help="Of the flights, over the pace drawn; 0.3: calm.")
+    ] = 1.0,
+    every: Annotated[int, Option(min=1, max=20, help="Every n-th row of a log is kept.")] = 1,
 ) -> Report:
     """Simulated vehicles of 30 g to 20 kg, identified from their logs. --out DIR: cases to resume
     from.
     """
-    flown: dict[str, Any] = {"flights": flights, "seconds": seconds}
+    flown: dict[str, Any] = {"flights": flights, "seconds": seconds, "pace": pace, "every": every}
     cases = [
         {"seed": run.seed + number, "kind": INPUTS[number % len(INPUTS)]}
         for number in range(vehicles)
@@ -435,7 +446,8 @@ def run(
     each = quantity_lines(judged)
     title = (
         f"truth inside its 95 % interval; {len(judged)} vehicles, {flights} x "
-        f"{seconds:g} s, seeds {run.seed} … {run.seed + vehicles - 1}"
+        f"{seconds:g} s at {pace:g} of the pace, every {every}. row, seeds {run.seed} … "
+        f"{run.seed + vehicles - 1}"
     )
     return Report(
         [

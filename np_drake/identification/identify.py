@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
+from np_drake.estimation.noise import RobustNoise
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import (
     DIFFERENCE_STEP,
@@ -16,7 +17,7 @@ from np_drake.identification.estimation import (
     estimate,
     parameters,
 )
-from np_drake.identification.model import FlightModel, Frame
+from np_drake.identification.model import TORQUE, FlightModel, Frame
 from np_drake.identification.quantities import (
     OBSERVABLE_RATIO,
     QUANTITIES,
@@ -42,6 +43,7 @@ UNUSUAL = 2.5  # deviations of published vehicles from which an inertia is doubt
 LEAST_HOVER = 0.05  # throttle in hover [1]; source: `vehicle new`
 RANK = 1e-6  # of a covariance: gains of rotors have a fixed mean [1]
 SHARED = 0.5  # share of a variance that another has, from which both trade [1]; own choice
+TINY = 1e-12  # power of a channel that holds nothing [1]
 TRADE = 0.9  # correlation from which two quantities trade against each other [1]; own choice
 C_T = (
     "C_T = thrust / (rho n² D⁴)",
@@ -71,6 +73,8 @@ class Identification:
     # Of an autopilot; empty: logs hold no commanded rates, or show no loop.
     rate_loop: tuple[AxisLoop, ...]
     rotors: tuple[RotorName, ...]  # what they are called
+    # By axis, how much torque over the true one the logged inputs may hold as noise [1].
+    input_noise: np.ndarray
 
     @cached_property
     def quantities(self) -> tuple[Identified, ...]:
@@ -85,6 +89,9 @@ class Identification:
             before, slope = self.of(q, np.zeros_like(e.z))
             sd = float(np.sqrt(e.variance(gradient)))
             prior = float(np.linalg.norm(_of_one_flight(slope, layout)))
+            if q.field == "inertia" and q.positive:
+                excess = float(self.input_noise[q.index[0]])
+                here, sd = _without_attenuation((here, sd), (before, prior), excess)
             wide = Z_975 * sd
             known = Z_975 * prior
             bounds = np.array([here, here - wide, here + wide, before - known, before + known])
@@ -154,8 +161,10 @@ def identify(
     fitted = estimate(models, layout)
     motors = [log.motors for log in logs if log.layout is None]
     rotors = tuple(rotor_names(prior.rotor_positions, motors))
+    # A collective throttle tells no torque.
+    noise = np.zeros(3) if drive == "collective" else input_noise(models, fitted)
     return Identification(
-        basis, fitted, frozenset(known), models, prior, tuple(notes), loops, rotors
+        basis, fitted, frozenset(known), models, prior, tuple(notes), loops, rotors, noise
     )
 
 
@@ -274,6 +283,56 @@ def _strengths(identification: Identification) -> tuple[float, float]:
     begins = max((q.value for q in identification.quantities if q.name in named), default=0.0)
     turning = max((hover - max(begins, 0.0)) / (1.0 - begins), LEAST_HOVER)
     return 1.0 / hover, 1.0 / turning**2
+
+
+def input_noise(models: Sequence[FlightModel], estimate: Estimate) -> np.ndarray:
+    """Return the largest power (3,) of noise in the logged torque about each axis, over that of the
+    true torque [1].
+
+    Where a log has other samples than the controller answered to, or a tachometer's, noise of the
+    input leaves a residual beyond the gyro's own, and draws the answer of the motion to zero: the
+    inertia is too large by as much at most. All of that residual may be a disturbance, too.
+    Source: Frisch 1934 (bounds of a regression with errors in both variables).
+    """
+    missed, gyro, predicted = np.zeros((3, 3))
+    for number, model in enumerate(models):
+        flight = model.flight
+        e = model.residual(estimate.layout.values(estimate.z, number))
+        noise = RobustNoise.of(e, flight.good, flight.step)
+        smooth = np.diff(flight.smooth[flight.edges], axis=0) / np.diff(flight.instants)[:, None]
+        parts = np.zeros((*e.shape, 3))
+        parts[:, TORQUE, 0] = e[:, TORQUE]
+        parts[:, TORQUE, 1] = flight.alpha - smooth
+        parts[:, TORQUE, 2] = flight.alpha - e[:, TORQUE]
+        power = np.sum(noise.whiten(parts)[:, TORQUE] ** 2, axis=0)
+        missed += power[:, 0]
+        gyro += power[:, 1]
+        predicted += power[:, 2]
+    return np.maximum(missed - gyro, 0.0) / np.maximum(predicted, TINY)
+
+
+def _without_attenuation(
+    estimate: tuple[float, float], prior: tuple[float, float], excess: float
+) -> tuple[float, float]:
+    """Return the logarithm of an inertia and its deviation, where noise of the input may have made
+    it larger by any part of the share `excess`.
+
+    Args:
+        estimate: logarithm and deviation as if there were none.
+        prior: the same before any flight.
+        excess: largest share by which it is too large [1].
+    """
+    (value, sd), (guess, wide) = estimate, prior
+    known = wide**-2.0
+    told = max(sd**-2.0 - known, 0.0)  # by the flights alone
+    if told == 0.0:
+        return value, sd
+    alone = (value * sd**-2.0 - guess * known) / told
+    span = np.log1p(excess)
+    # A uniform variate in the span.
+    told = 1.0 / (1.0 / told + span**2 / 12.0)
+    precision = told + known
+    return (told * (alone - 0.5 * span) + known * guess) / precision, precision**-0.5
 
 
 def lasts(log: FlightLog) -> float:

@@ -3,6 +3,7 @@ import re
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from np_drake import attitude
 from np_drake.identification.identify import Identification, doubts, identify, trades
@@ -187,3 +188,29 @@ def test_a_log_that_does_not_fly_is_refused_in_a_line(again, short, kind):
     with pytest.raises(ValueError, match=r"identify: .*flight7") as told:
         again(rest)
     assert "\n" not in str(told.value)
+
+
+def noisy_commands(size: float) -> Identification:
+    """Return what flights tell whose logged torque holds noise that the motion did not answer."""
+    rng = np.random.default_rng(5)
+    logs = []
+    for seed in range(2):
+        log = analytic.flight(seed=seed, seconds=10.0, drive="command")
+        noise = signal.lfilter([0.2], [1.0, -0.8], rng.normal(size=log.u.shape), axis=0)
+        logs.append(dc.replace(log, u=log.u + size * noise * log.u.std(axis=0) * [0, 1, 1, 1]))
+    return identify(logs, analytic.KNOWN, mass=analytic.TRUE.mass)
+
+
+def test_noise_of_the_input_shows_by_its_power():
+    exact, loud, twice = (noisy_commands(size).input_noise[:2] for size in (0.0, 0.1, 0.2))
+    assert (exact < 0.002).all()
+    np.testing.assert_allclose((twice - exact) / (loud - exact), 4.0, rtol=0.4)
+
+
+def test_an_inertia_may_be_smaller_by_all_that_noise_of_the_input_explains(found):
+    dut = dc.replace(found, input_noise=np.array([1.0, 0.0, 0.0]))
+    smaller, before = dut["inertia xx"], found["inertia xx"]
+    assert smaller.low < 0.6 * before.value
+    assert smaller.high > before.value
+    assert 0.7 * before.value < smaller.value < 0.9 * before.value
+    assert dut["inertia yy"].value == pytest.approx(found["inertia yy"].value, rel=1e-4)
