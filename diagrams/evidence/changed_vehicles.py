@@ -15,6 +15,7 @@ from diagrams.evidence.simulated_vehicles import ATTEMPTS, Truth, draw_truth, fl
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects import (
+    AttachedMass,
     BladeFlapping,
     MassError,
     ThrustScale,
@@ -22,6 +23,7 @@ from np_drake.effects import (
     TranslationalLift,
     WeakRotor,
 )
+from np_drake.effects.base import Effect
 from np_drake.effects.library import effect_of
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle.vehicle import Calibration
@@ -136,6 +138,58 @@ def _scattered(
     return logs
 
 
+# Small changes: the parameter whose smallest visible size the flights state, over that size [1].
+FACTORS = (0.5, 1.0, 2.0)
+SMALL: dict[type[Effect], tuple[str, float]] = {
+    WeakRotor: ("efficiency", -1.0),
+    AttachedMass: ("mass", 1.0),
+    MassError: ("delta_mass", 1.0),
+}
+
+
+def small_changes(case: Case, *, seconds: float) -> dict[str, Any]:
+    """Fly a case {"seed", "factor"} before and since changes of this factor over the smallest that
+    its flights say they would show, and return by effect {"named", "alone", "causes"}.
+
+    Raises: FailedRun: if no vehicle of this seed can be flown.
+    """
+    truth, _, before, since = flown(case["seed"], "nothing", FILES[0], seconds)
+
+    def diagnosis_of(logs: Sequence[FlightLog]) -> Diagnosis:
+        return diagnose(
+            logs[:TRAIN], logs[TRAIN:], truth.known, before=before, adaptive_split=False
+        )
+
+    nothing = diagnosis_of(since)
+    result = {"nothing": verdict(nothing, {})}
+    rng = np.random.default_rng((case["seed"], 1))
+    for effect, (name, sign) in SMALL.items():
+        least = nothing.visible.get(f"{effect.identifier}.{name}")
+        if least is None:  # these flights show no such change of any size
+            continue
+        (p,) = (p for p in effect.parameters if p.name == name)
+        values = {name: p.neutral + sign * case["factor"] * least}
+        if any(p.name == "rotor" for p in effect.parameters):
+            values["rotor"] = float(rng.integers(1, 5))
+        later = dc.replace(truth, changes=(effect(**values),))
+        logs = _scattered(later, rng, TRAIN + 1, seconds, "since")
+        result[effect.identifier] = verdict(diagnosis_of(logs), {effect.identifier: values})
+    return result
+
+
+def small_rows(results: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """Return a row for every effect and factor: cases, named alone, another alone, several."""
+    rows = []
+    for effect in ("nothing", *(kind.identifier for kind in SMALL)):
+        for factor in FACTORS:
+            cases = [r[effect] for r in results if r["factor"] == factor and effect in r]
+            several = sum(len(case["causes"]) > 1 for case in cases)
+            other = sum(len(case["causes"]) == 1 and not case["named"] for case in cases)
+            counts = (len(cases), sum(case["named"] for case in cases), other, several)
+            rows.append((effect, f"{factor:g}", *map(str, counts)))
+    return rows
+
+
 def diagnosed(case: Case, *, seconds: float) -> dict[str, Any]:
     """Fly a case {"seed", "kind", "file"} and return what changed and what the diagnosis says.
 
@@ -189,10 +243,33 @@ def run(
     run: Run,
     pairs: Annotated[int, Option(min=1, max=1000, help="Vehicles; the change in turn.")] = 24,
     seconds: Annotated[float, Option(min=10.0, max=600.0, help="Length of a flight [s].")] = 12.0,
+    small: Annotated[
+        bool, Option("--small", help="Changes about the smallest that the flights would show.")
+    ] = False,
 ) -> Report:
     """Simulated vehicles changed between flights, diagnosed from throttle logs. --out DIR: cases to
     resume from.
     """
+    seeds = f"seeds {run.seed} … {run.seed + pairs - 1}"
+    config: dict[str, Any] = {"pairs": pairs, "seconds": seconds, "small": small}
+    if small:
+        work = partial(small_changes, seconds=seconds)
+        drawn = [
+            {"seed": run.seed + number, "factor": factor}
+            for number in range(pairs)
+            for factor in FACTORS
+        ]
+        records = run.cases("diagnosing", "vehicles", work, drawn, config=config)
+        results(records)
+        judged = [{**r["case"], **r["result"]} for r in records if "result" in r]
+        columns = ["changed", "over smallest", "cases", "named alone", "another", "several"]
+        title = f"small changes since flights before; flights of {seconds:g} s, {seeds}"
+        return Report(
+            [(title, columns, small_rows(judged))],
+            config=config,
+            metrics={"runs": records},
+            notes=failures(records),
+        )
     cases = [
         {"seed": run.seed + number, "kind": KINDS[number % len(KINDS)], "file": file}
         for number in range(pairs)
@@ -203,13 +280,12 @@ def run(
     results(records)
     judged = [{**r["case"], **r["result"]} for r in records if "result" in r]
     title = (
-        f"changes since flights before; {BEFORE} + {TRAIN} + 1 flights of {seconds:g} s, seeds "
-        f"{run.seed} … {run.seed + pairs - 1}"
+        f"changes since flights before; {BEFORE} + {TRAIN} + 1 flights of {seconds:g} s, {seeds}"
     )
     columns = [f"{file}: {what}" for file in FILES for what in ("named", "size right too")]
     return Report(
         [(title, ["changed", "vehicles", *columns], table_rows(judged))],
-        config={"pairs": pairs, "seconds": seconds},
+        config=config,
         metrics={"runs": records},
         notes=failures(records),
     )
