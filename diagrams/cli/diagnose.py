@@ -51,6 +51,11 @@ class DiagnoseOptions:
         default=(),
         metavar="LOG",
     )
+    same_battery: bool = option(
+        "The battery stayed in place since the flights before: trim and thrust are as they were.",
+        "--same-battery",
+        default=False,
+    )
     no_replay: bool = option(
         "Leave out the open-loop replay in the simulator.", "--no-replay", default=False
     )
@@ -100,6 +105,7 @@ def diagnose(run: Run, asked: DiagnoseOptions) -> Report:
             material=asked.material,
             neighbours=neighbours,
             before=earlier,
+            same_battery=asked.same_battery,
             on_progress=advance,
         )
     nominal = diagnosis.nominal or nominal

@@ -37,6 +37,7 @@ from np_drake.effects import (
     AttitudeLatency,
     BatterySag,
     BladeFlapping,
+    CenterOfMassOffset,
     ClockOffset,
     CommandDelay,
     GyroBias,
@@ -231,13 +232,15 @@ def nuisance_of(
 def vehicle_columns(
     flights: Sequence[FlightResiduals], tolerance: Tolerance, priors: Priors
 ) -> list[Callable[[FlightResiduals], np.ndarray]]:
-    """Return functions that give the columns (m, 15, k) of any flight for what the vehicle and its
-    airframe differ by; the last two are thrust that leans to x and y in the axes of the
-    accelerometer.
+    """Return functions that give the columns (m, 15, k) of any flight for what a session differs by
+    from flights before, and what the vehicle and its airframe differ by; the last two are thrust
+    that leans to x and y in the axes of the accelerometer.
     """
+    since = tolerance.reseated and any(flight.earlier for flight in flights)
+    session: list[Callable[[FlightResiduals], np.ndarray]] = [of_session] if since else []
     shared = of_vehicle(flights[0], tolerance)
     if not shared:
-        return []
+        return session
     names = {f"{PREFIX}{name}" for name in SMOOTH}
     groups = [c for c in generic_candidates(flights, priors) if c.identifiers[0] in names]
 
@@ -271,7 +274,19 @@ def vehicle_columns(
         leaning[:, 0, 0] = leaning[:, 1, 1] = HEALTHY.mounting * flight.nominal[:, 2]
         return np.concatenate([columns, leaning], axis=-1)
 
-    return [partial(columns_of, effect_priors=shared), of_air]
+    return [*session, partial(columns_of, effect_priors=shared), of_air]
+
+
+def of_session(flight: FlightResiduals) -> np.ndarray:
+    """Return columns (m, 15, k) of what a battery that was taken out and put in again changes since
+    flights before.
+    """
+    shift = HEALTHY.session_shift * arm(flight.vehicle)
+    effect_priors = [
+        EffectPrior(CenterOfMassOffset, {"x": shift, "y": shift}),
+        EffectPrior(ThrustScale, {"scale": HEALTHY.session_thrust}),
+    ]
+    return columns_of(flight, effect_priors) * (not flight.earlier)
 
 
 def subtract_file_calibration(flight: FlightResiduals) -> FlightResiduals:
@@ -491,7 +506,8 @@ def differences(
         elif tolerance.unmeasured or vehicle.measured or d.stated:
             departures.append(_difference(d, p, getattr(effect, f.name) - f.neutral, sigma, rotors))
     if tolerance.unmeasured:
-        *errors, body, _ = fit.linear
+        errors = fit.linear[: len(flights)]
+        body = fit.linear[-2]
         departures += _of_parameters(body, of_vehicle(flights[0], tolerance), rotors)
         parts = {
             flight.name: _of_parameters(part, of_flight(flight, tolerance), rotors)

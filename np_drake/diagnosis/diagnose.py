@@ -290,6 +290,7 @@ def diagnose(
     material: float | None = None,
     neighbours: Mapping[str, Sequence[FlightLog]] | None = None,
     before: Sequence[FlightLog] = (),
+    same_battery: bool = False,
     on_progress: Callable[[float, str], None] | None = None,
 ) -> Diagnosis:
     """Diagnose the gap between the nominal model and the flights: its causes, and how far adding
@@ -316,6 +317,8 @@ def diagnose(
         before: flights of the same vehicle from before what is asked, when it was as the file says.
             They tell the vehicle, and what acts in none of them has changed since. They may lack
             the accelerations of the others.
+        same_battery: whether the battery stayed in place since those flights, so that trim and
+            thrust are as they were.
         on_progress: called with the share done [1] and the name of the step.
     Raises: ValueError: if the logs cannot be used, or both tolerance and options are given; one
         line with the remedy.
@@ -343,6 +346,9 @@ def diagnose(
     options = options or Options.for_sensors(tolerance_of(fitted).real)
     if material is not None:
         options = options.with_material(material)
+    if same_battery:
+        tolerance = dc.replace(options.tolerance, reseated=False)
+        options = dc.replace(options, tolerance=tolerance)
     fitted, judging = _with_shown_torque(fitted, judging, options)
     if not excited(excitation(fitted)):
         answer = unexcited_diagnosis(fitted, judging)

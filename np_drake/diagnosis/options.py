@@ -32,6 +32,8 @@ class Tolerance:
     # files.
     unmeasured: bool = False
     real: bool = True  # whether the sensors are real ones, and not those of a simulator
+    # Whether a battery may have been taken out since flights before: trim and thrust then differ.
+    reseated: bool = True
 
     def of(self, effect: Effect | type[Effect]) -> float:
         """Return the tolerance of the sensor that an effect is about; 0 for others."""
@@ -39,7 +41,7 @@ class Tolerance:
         return float(getattr(self, effect.tolerance)) if sensor else 0.0
 
 
-IDEAL_SENSORS = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001, real=False)
+IDEAL_SENSORS = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001, real=False, reseated=False)
 
 
 @dc.dataclass(frozen=True)
@@ -93,6 +95,9 @@ class Priors:
     # Effects and structure.
     effect: float = -3.0  # log prior of every effect named: about one in twenty
     generic: float = 3.0  # less in log prior, for structure that is no effect
+    # Less in log prior, for a change that many parts of a vehicle would have to make at once.
+    concerted: float = 3.0
+    concerted_changes: tuple[str, ...] = ()  # such effects, where flights before are given
     # deviation of its force over weight, of its torque over weight times arm [1]
     generic_size: float = 0.04
     twist_torque: float = 0.3  # deviation of a twist's torque over the commanded one [1]
@@ -122,7 +127,8 @@ class Priors:
 
     def of_effect(self, identifier: str) -> float:
         """Return the log prior of one effect or generic structure (`unknown:…`)."""
-        return self.effect - (self.generic if identifier.startswith("unknown") else 0.0)
+        generic = self.generic * identifier.startswith("unknown")
+        return self.effect - generic - self.concerted * (identifier in self.concerted_changes)
 
 
 @dc.dataclass(frozen=True)

@@ -66,6 +66,10 @@ class Spread:
     sag: float = 0.002  # rate of the thrust over throttle [1/s]
     # over throttle and voltage, rotor speed or a command in newtons [1/s]
     known_sag: float = 0.0005
+    # Of a session about those before, between which a battery is taken out and put in again.
+    # Centre of mass in the plane of the rotors [arm]; source: 0.5 mN·m of a Crazyflie of 34 g.
+    session_shift: float = 0.03
+    session_thrust: float = 0.0075  # [1]; source: 0.5 to 1 % of a Crazyflie
     # Slow changes within a flight.
     drift_time: float = 5.0  # between independent values [s]
     tilt_drift: float = 0.008  # of the attitude [rad]

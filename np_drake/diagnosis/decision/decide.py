@@ -300,7 +300,11 @@ def _of_pendulum(
     """
     unsure = half_width(fit, i, "damping") / HALF_WIDTH_95 if options.tolerance.unmeasured else None
     factor, error = pendulum_error(name, payload, vehicle, options.priors, unsure)
-    return factor * getattr(payload, name), factor * float(np.hypot(half, HALF_WIDTH_95 * error))
+    # What thrust differs by from session to session hangs on the tether as well.
+    weighs = name == "mass" and options.tolerance.real
+    thrust = HEALTHY.session_thrust * vehicle.mass if weighs else 0.0
+    half = float(np.linalg.norm([half, HALF_WIDTH_95 * error, HALF_WIDTH_95 * thrust]))
+    return factor * getattr(payload, name), factor * half
 
 
 def without_late_onsets(

@@ -382,7 +382,12 @@ def widen_tolerance(options: Options, flights: Sequence[FlightResiduals]) -> Opt
             "mounting": max(tolerance.mounting, HEALTHY.mounting),
             "latency": max(tolerance.latency, HEALTHY.latency),
         }
-    return dc.replace(options, tolerance=dc.replace(tolerance, **open_, unmeasured=unmeasured))
+    priors = options.priors
+    if any(flight.earlier for flight in flights):
+        # All four rotors weaker by the same share, where one thing attached does the same.
+        priors = dc.replace(priors, concerted_changes=(ThrustScale.identifier,))
+    tolerance = dc.replace(tolerance, **open_, unmeasured=unmeasured)
+    return dc.replace(options, tolerance=tolerance, priors=priors)
 
 
 def command_timing(flights: Sequence[FlightResiduals]) -> float:

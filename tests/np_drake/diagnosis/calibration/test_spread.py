@@ -17,7 +17,9 @@ from np_drake.diagnosis.calibration import (
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.residuals import TORQUE
+from np_drake.effects.base import arm
 from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.library import CHANGES
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.mixer_gain import MixerGain
@@ -51,6 +53,19 @@ def test_an_airframe_has_no_drag_of_its_own_beside_the_effect(flight):
         acting = force[:, force.std(axis=0) > 0]
         alike = [abs(np.corrcoef(column, velocity)[0, 1]) for column in acting.T]
         assert max(alike) < 0.999
+
+
+def test_a_battery_put_in_again_shifts_later_flights_alone(flight):
+    earlier = flight.revised(earlier=True)
+    session, *_ = vehicle_columns([earlier, flight], UNMEASURED, PRIORS)
+    assert not session(earlier).any()
+    shift = HEALTHY.session_shift * arm(flight.vehicle)
+    expected = predicted_residual(flight, [Term(CenterOfMassOffset(shift, 0.0, 0.0))])
+    torque = session(flight)[:, TORQUE, 0]
+    np.testing.assert_allclose(torque, expected[:, TORQUE], atol=1e-3 * np.abs(torque).max())
+    in_place = dc.replace(UNMEASURED, reseated=False)
+    without = vehicle_columns([earlier, flight], in_place, PRIORS)
+    assert len(without) == len(vehicle_columns([flight], UNMEASURED, PRIORS))
 
 
 def test_slow_drift_adds_up_to_a_constant(flight):

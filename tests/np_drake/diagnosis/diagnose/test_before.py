@@ -11,8 +11,9 @@ import pytest
 
 import np_drake
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.options import Tolerance
+from np_drake.diagnosis.options import Priors, Tolerance
 from np_drake.diagnosis.report.words import headline, lead
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -33,13 +34,13 @@ def since(fly):
     """Return a function that gives what changed by some effects since two flights; cached."""
 
     @cache
-    def answer(*changes, cells=None):
+    def answer(*changes, cells=None, same_battery=False):
         def flown(*effects, name, seed, cells):
             own = {"noise": 1.0, "seconds": 10.0, "vehicle": UNMEASURED}
             log = fly(*OWN, *effects, name=name, seed=seed, **own)
             return by_throttle(log, cells) if cells else log
 
-        how = {"tolerance": Tolerance(), "adaptive_split": False}
+        how = {"tolerance": Tolerance(), "adaptive_split": False, "same_battery": same_battery}
         usual = cells and 1.0
         how["before"] = [flown(name=f"before {i}", seed=i, cells=usual) for i in (1, 2)]
         after = [flown(*changes, name=f"after {i}", seed=i, cells=cells) for i in (3, 4, 5)]
@@ -109,6 +110,17 @@ def test_what_changed_is_named_with_its_size(since, change, parameter, says):
     assert said.startswith(f"Changed since the flights before: {says}")
     assert all(name.startswith("after") for name in cause.onset)
     assert "there already before: linear drag" in lead(found)
+
+
+def test_a_battery_that_moved_is_a_change_only_where_it_stayed_in_place(since):
+    moved = CenterOfMassOffset(0.004, -0.003, 0.0)  # a fiftieth of the arm
+    assert since(moved).verdict == ()
+    assert since(moved, same_battery=True).verdict == ("center_of_mass_offset",)
+
+
+def test_thrust_of_all_rotors_is_less_likely_to_change_than_one_part():
+    priors = dc.replace(Priors(), concerted_changes=("thrust_scale",))
+    assert priors.of_effect("mass_error") - priors.of_effect("thrust_scale") == priors.concerted
 
 
 def by_throttle(log, cells):
