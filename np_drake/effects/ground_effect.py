@@ -47,11 +47,16 @@ class GroundEffect(WrenchEffect):
         """Return whether a vehicle of this size can have the radius."""
         return self.effective_radius <= _LARGEST_RADIUS * vehicle.rotor_radius
 
+    def gain(self, height: np.ndarray) -> np.ndarray:
+        """Return the thrust that is gained at heights (...,) [m], over that far above [1]."""
+        above = np.maximum(height, 1e-6)
+        share = np.minimum((self.effective_radius / (4.0 * above)) ** 2, _LARGEST_SHARE)
+        return share / (1.0 - share)
+
     def body_wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return the additional thrust and torque in B, (..., 6) [N, N·m]."""
-        height = np.maximum(motion.x[..., 2], 1e-6)
-        share = np.minimum((self.effective_radius / (4.0 * height)) ** 2, _LARGEST_SHARE)
-        u = ((share / (1.0 - share))[..., None] * motion.rotor_thrust) @ vehicle.mixer.T
+        gain = self.gain(motion.x[..., 2])
+        u = (gain[..., None] * motion.rotor_thrust) @ vehicle.mixer.T
         out = super().body_wrench(vehicle, motion)
         out[..., 2:] = u
         return out

@@ -32,6 +32,7 @@ from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.base import Effect, Motion, WrenchEffect
 from np_drake.effects.combine import split_effects, total_wrench
+from np_drake.effects.ground_effect import GroundEffect
 from np_drake.effects.library import causes as library_causes
 from np_drake.effects.pendulum import hanging, swing_many
 from np_drake.files.file_access import write_json
@@ -351,6 +352,8 @@ def select_by_bic(y: np.ndarray, columns: Sequence[Columns]) -> dict[str, float]
 
 # All cases, by method
 
+# Thrust gained near the ground, by the height at which it was measured [m].
+GAINS = {"gain_at_85_mm": 0.085, "gain_at_115_mm": 0.115}
 SIZES = ["parameter", "asked", "told", "within", "covered", "error"]
 
 
@@ -359,6 +362,8 @@ def estimates(answer: Mapping[str, Any], truth: Truth) -> list[dict[str, Any]]:
     asked, covered by its interval, and its error [%].
     """
     given = {n: e for name in truth.present for n, e in answer["parameters"].get(name, {}).items()}
+    if "effective_radius" in given:
+        given |= ground_gains(given["effective_radius"])
     lines = []
     for name, known in truth.parameters.items():
         true = known["value"]
@@ -377,6 +382,20 @@ def estimates(answer: Mapping[str, Any], truth: Truth) -> list[dict[str, Any]]:
             }
         )
     return lines
+
+
+def ground_gains(radius: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the thrust that is gained at the heights of the known parameters [1], of the effective
+    radius of a ground effect [m].
+    """
+    gains = {}
+    for name, height in GAINS.items():
+        value, low, high = (
+            float(GroundEffect(r).gain(np.array(height)))
+            for r in (radius["value"], *radius["ci95"])
+        )
+        gains[name] = {"value": value, "ci95": [low, high]}
+    return gains
 
 
 def outcome(record: Mapping[str, Any], by: str) -> dict[str, Any]:
@@ -411,7 +430,7 @@ def outcome(record: Mapping[str, Any], by: str) -> dict[str, Any]:
         "payload": PAYLOAD in names,
         **within,
         "covered": all(line["covered"] for line in sizes) if sizes else None,
-        "ground": GROUND in names and within.get("effective_radius", False),
+        "ground": GROUND in names and all(within.get(name, False) for name in GAINS),
         "blown": DRAG in names and bool(names & set(WINDS)) and not names & BESIDE_WIND,
         **near,
         "new": None if by == BIC else bool(method["new_condition"]),

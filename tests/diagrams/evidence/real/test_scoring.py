@@ -16,6 +16,7 @@ from diagrams.evidence.real.scoring import (
     WRENCH,
     asked_figures,
     fit,
+    ground_gains,
     library_columns,
     outcomes,
     payload_columns,
@@ -250,3 +251,13 @@ def test_what_the_diagnosis_says_is_scored_again_from_its_files(bare, tmp_path, 
     assert before == after
     assert [list(row["methods"]) for row in before] == [[THIS, BIC]] * 2
     assert before[0]["vehicle"] == "imrc brushless"
+
+
+def test_a_ground_effect_is_judged_by_the_thrust_that_it_gains():
+    share = 0.06 / 1.06  # of which s / (1 - s) is 6 %
+    radius = 4 * 0.085 * np.sqrt(share)
+    gains = ground_gains({"value": radius, "ci95": [0.9 * radius, 1.1 * radius]})
+    found = gains["gain_at_85_mm"]
+    assert found["value"] == pytest.approx(0.06)
+    assert found["ci95"][0] < 0.06 < found["ci95"][1]
+    assert gains["gain_at_115_mm"]["value"] < 0.06
