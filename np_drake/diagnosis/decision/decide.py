@@ -300,8 +300,8 @@ def _of_pendulum(
     """
     unsure = half_width(fit, i, "damping") / HALF_WIDTH_95 if options.tolerance.unmeasured else None
     factor, error = pendulum_error(name, payload, vehicle, options.priors, unsure)
-    # What thrust differs by from session to session hangs on the tether as well.
-    weighs = name == "mass" and options.tolerance.real
+    # Of an unmeasured vehicle, what thrust differs by from session to session hangs there as well.
+    weighs = name == "mass" and options.tolerance.unmeasured
     thrust = HEALTHY.session_thrust * vehicle.mass if weighs else 0.0
     half = float(np.linalg.norm([half, HALF_WIDTH_95 * error, HALF_WIDTH_95 * thrust]))
     return factor * getattr(payload, name), factor * half
