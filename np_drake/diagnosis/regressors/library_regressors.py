@@ -383,8 +383,10 @@ def widen_tolerance(options: Options, flights: Sequence[FlightResiduals]) -> Opt
             "latency": max(tolerance.latency, HEALTHY.latency),
         }
     priors = options.priors
-    if any(flight.earlier for flight in flights):
-        # All four rotors weaker by the same share, where one thing attached does the same.
+    by_throttle = any(flight.log.input == "normalised" for flight in flights)
+    if any(flight.earlier for flight in flights) and not by_throttle:
+        # All rotors weaker by the same share at the same speed or commanded thrust, where one thing
+        # attached does as much. Over throttle, propellers and motors change all alike.
         priors = dc.replace(priors, concerted_changes=(ThrustScale.identifier,))
     tolerance = dc.replace(tolerance, **open_, unmeasured=unmeasured)
     return dc.replace(options, tolerance=tolerance, priors=priors)

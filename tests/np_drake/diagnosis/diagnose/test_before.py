@@ -11,7 +11,8 @@ import pytest
 
 import np_drake
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.options import Priors, Tolerance
+from np_drake.diagnosis.options import Options, Tolerance
+from np_drake.diagnosis.regressors import widen_tolerance
 from np_drake.diagnosis.report.words import headline, lead
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag
@@ -118,9 +119,16 @@ def test_a_battery_that_moved_is_a_change_only_where_it_stayed_in_place(since):
     assert since(moved, same_battery=True).verdict == ("center_of_mass_offset",)
 
 
-def test_thrust_of_all_rotors_is_less_likely_to_change_than_one_part():
-    priors = dc.replace(Priors(), concerted_changes=("thrust_scale",))
-    assert priors.of_effect("mass_error") - priors.of_effect("thrust_scale") == priors.concerted
+@pytest.mark.parametrize(
+    "given, less", [("command", 3.0), ("rotor_speed", 3.0), ("normalised", 0.0)]
+)
+def test_thrust_is_less_likely_to_change_than_one_part_but_over_throttle(seen, given, less):
+    flight = seen(name="a", seed=1, seconds=4.0)
+    log = dc.replace(flight.log, input=given)
+    flights = [dc.replace(flight, log=log, earlier=earlier) for earlier in (True, False)]
+    priors = widen_tolerance(Options.for_sensors(True), flights).priors
+    assert priors.of_effect("mass_error") - priors.of_effect("thrust_scale") == less
+    assert priors.of_effect("torque_ratio") == priors.of_effect("mass_error")
 
 
 def by_throttle(log, cells):
