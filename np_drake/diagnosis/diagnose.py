@@ -8,7 +8,7 @@
 4. report: what the logs cannot tell (identifiability), where the gap lies (localisation), and how
    far the causes close it on held-out flights (gap reduction);
 5. second answer: where held-out flights show what training flights do not, the same with their
-   first halves. The second halves alone judge it.
+   first halves. Its held-out figures are of the second halves alone.
 """
 
 import dataclasses as dc

@@ -305,8 +305,8 @@ class Diagnosis:
     """Result of all five steps of a diagnosis.
 
     verdict: identifiers of effects, possibly with `unknown`; empty: nothing is missing.
-    joined: held-out flights whose first half joined the fit, so that only their second half judges
-        (adaptive split).
+    joined: held-out flights whose first half joined the fit, so that held-out figures are of their
+        second half alone (adaptive split).
     cannot_tell: the logs excite nothing, and there is no verdict.
     below_threshold: effects of the best model that are immaterial or not probable enough for a
         cause.

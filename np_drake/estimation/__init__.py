@@ -1,1 +1,1 @@
-"""Estimation: noise, regression and fit, which identification and diagnosis share."""
+"""Estimation: noise, regression, fit, and priors of healthy vehicles."""

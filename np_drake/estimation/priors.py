@@ -1,8 +1,9 @@
 """What healthy vehicles differ by, and flights of one vehicle: one table of standard deviations.
 
-Identification and diagnosis read it. Inertia, torque over thrust, time constants and the inertia of
-a rotor are those of published vehicles (`np_drake.vehicle.published`). A number that the file of a
-vehicle states with an interval has the deviation of that interval.
+Identification and diagnosis read it; some fields are of quantities that one of them alone has.
+Inertia and the inertia of a rotor are those of published vehicles (`np_drake.vehicle.published`),
+in the identification also torque over thrust and time constants. In a diagnosis a number that the
+file of a vehicle states with an interval has the deviation of that interval.
 """
 
 import dataclasses as dc

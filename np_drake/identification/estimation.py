@@ -64,7 +64,7 @@ AIR = ("velocity",)
 
 
 def parameters(spin: float, step: float, parts: Collection[str] = ()) -> tuple[Parameter, ...]:
-    """Return the parameters of the model with their priors, which are those of `HEALTHY`.
+    """Return the parameters of the model with their priors, of `HEALTHY` and of published vehicles.
 
     Lengths count in mean arms, inertia in mass times squared arm.
 
